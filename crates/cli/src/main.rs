@@ -1,0 +1,2 @@
+//! The `brolly` command.
+fn main() {}

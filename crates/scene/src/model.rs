@@ -1,0 +1,839 @@
+//! The scene as plain data: flat lists, typed indices, no pointers. Readers fill it, `validate`
+//! checks it, the tracer prepares it. Lengths in scene units, angles in degrees, time in seconds,
+//! colours linear Rec. 709, right-handed coordinates, everything here in double precision where it
+//! is placed and in single precision where it is bulk data.
+
+use glam::{DAffine3, DVec3};
+use std::sync::Arc;
+
+/// Linear Rec. 709 red, green, blue.
+pub type Rgb = [f32; 3];
+
+macro_rules! index {
+    ($($(#[$doc:meta])* $name:ident),* $(,)?) => {$(
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub struct $name(pub u32);
+        impl $name {
+            /// As an index into the list that it names.
+            pub fn index(self) -> usize { self.0 as usize }
+        }
+    )*};
+}
+index! {
+    /// Index into [`SceneDesc::meshes`].
+    MeshId,
+    /// Index into [`SceneDesc::images`].
+    ImageId,
+    /// Index into [`SceneDesc::textures`].
+    TextureId,
+    /// Index into [`SceneDesc::materials`].
+    MaterialId,
+    /// Index into [`SceneDesc::groups`].
+    GroupId,
+}
+
+/// A whole scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneDesc {
+    /// The view that is rendered.
+    pub camera: Camera,
+    /// Picture size, filter, exposure.
+    pub film: FilmDesc,
+    /// How light is gathered.
+    pub integrator: Integrator,
+    /// Which points a pixel is sampled at.
+    pub sampler: SamplerKind,
+    /// Samples per pixel that the file asks for.
+    pub spp: Option<u32>,
+    /// Animation, if the scene has more than one frame.
+    pub animation: Option<Animation>,
+    /// Triangle meshes.
+    pub meshes: Vec<Mesh>,
+    /// Pictures, by path.
+    pub images: Vec<ImageDesc>,
+    /// Textures; a texture refers only to textures before it.
+    pub textures: Vec<Texture>,
+    /// Materials; a material refers only to materials before it.
+    pub materials: Vec<Material>,
+    /// Shapes placed in the world directly.
+    pub primitives: Vec<Primitive>,
+    /// Sets of shapes that are placed by instances.
+    pub groups: Vec<Group>,
+    /// Placed groups.
+    pub instances: Vec<Instance>,
+    /// Lights that are not shapes.
+    pub lights: Vec<Light>,
+}
+
+/// Frames of an animation. Frame `n` opens the shutter at `start + n / fps + shutter.0`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Animation {
+    /// Frames per second.
+    pub fps: f64,
+    /// Time of frame 0, seconds.
+    pub start: f64,
+    /// First and last frame number that the file suggests, inclusive.
+    pub frames: (u32, u32),
+}
+
+/// A transform over time: one key is a fixed transform. Between keys translation and scale (with
+/// shear) are interpolated linearly and rotation spherically; before the first and after the last
+/// key the nearest one holds. Times rise strictly, in seconds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// At least one.
+    pub keys: Vec<MotionKey>,
+}
+
+/// One key of a [`Motion`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionKey {
+    /// Seconds.
+    pub time: f64,
+    /// Local to parent.
+    pub transform: DAffine3,
+}
+
+impl Motion {
+    /// No motion.
+    pub fn fixed(transform: DAffine3) -> Self {
+        Motion { keys: vec![MotionKey { time: 0.0, transform }] }
+    }
+    /// No motion, no placement.
+    pub fn identity() -> Self {
+        Self::fixed(DAffine3::IDENTITY)
+    }
+    /// Whether it has more than one key.
+    pub fn is_moving(&self) -> bool {
+        self.keys.len() > 1
+    }
+}
+
+/// The camera. In its own space it sits at the origin, looks along -Z, +X is right and +Y is up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Camera to world; may mirror (pbrt files with `Scale -1 1 1`).
+    pub transform: Motion,
+    /// How points of the picture become rays.
+    pub projection: Projection,
+    /// Shutter opening and closing, seconds (relative to the frame's time in an animation).
+    pub shutter: (f64, f64),
+    /// How much the shutter lets through over its interval.
+    pub shutter_curve: ShutterCurve,
+}
+
+/// Transmission over the normalised shutter interval [0, 1].
+#[derive(Clone, Debug, PartialEq, Default)]
+pub enum ShutterCurve {
+    /// Open at once, closed at once.
+    #[default]
+    Box,
+    /// Opens linearly over the first part, closes linearly over the last; fractions of the interval.
+    Trapezoid {
+        /// Fraction spent opening.
+        open: f64,
+        /// Fraction spent closing.
+        close: f64,
+    },
+}
+
+/// The part of the image plane that the picture shows, in the units of the projection, before
+/// the frame is flipped to picture coordinates: x right, y up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScreenWindow {
+    /// Left, right.
+    pub x: (f64, f64),
+    /// Bottom, top.
+    pub y: (f64, f64),
+}
+
+/// How points of the picture become rays.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Projection {
+    /// Pinhole or thin lens.
+    Perspective {
+        /// Full field of view in degrees over `fov_axis`; the plane at distance 1 spans
+        /// [-tan(fov/2), tan(fov/2)] there.
+        fov: f64,
+        /// Which side of the picture `fov` covers.
+        fov_axis: FovAxis,
+        /// Replaces the frame derived from the picture's aspect: in units of tan(fov/2).
+        window: Option<ScreenWindow>,
+        /// Thin lens, if any.
+        lens: Option<Lens>,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// Half the height of the view in scene units where `window` is absent.
+        half_height: f64,
+        /// Replaces the frame, in scene units.
+        window: Option<ScreenWindow>,
+        /// Thin lens, if any: rays meet at `focus_distance`.
+        lens: Option<Lens>,
+    },
+    /// The whole sphere of directions.
+    Spherical {
+        /// How the sphere is laid out on the picture.
+        mapping: SphereMapping,
+    },
+}
+
+/// Which side of the picture an angle covers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FovAxis {
+    /// Left to right.
+    Horizontal,
+    /// Bottom to top.
+    Vertical,
+    /// The shorter side (pbrt).
+    Shorter,
+}
+
+/// A thin lens.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lens {
+    /// Radius of the aperture, scene units.
+    pub radius: f64,
+    /// Distance of the plane in focus along the viewing direction.
+    pub focus_distance: f64,
+    /// Shape of the aperture.
+    pub aperture: Aperture,
+    /// Horizontal squeeze of the aperture: its width is `radius / anamorphic`; 1 is round.
+    pub anamorphic: f64,
+}
+
+/// Shape of an aperture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Aperture {
+    /// A disk.
+    Disk,
+    /// A regular polygon inscribed in the disk.
+    Blades {
+        /// At least 3.
+        count: u32,
+        /// Degrees.
+        rotation: f64,
+    },
+}
+
+/// How directions are laid out on a picture of the sphere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SphereMapping {
+    /// Latitude and longitude: `u = 0.5 + atan2(z, x) / 2 pi`, `v = acos(y) / pi` from the top row.
+    LatLong,
+    /// Equal-area octahedral, +Z up in its own space [Clarberg08], as pbrt-v4 does it.
+    OctahedralEqualArea,
+}
+
+/// Picture and pixel filter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilmDesc {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// The part that is rendered: x0, y0, x1, y1 in pixels, upper bounds exclusive. The picture has
+    /// the size of this part.
+    pub crop: Option<[u32; 4]>,
+    /// Reconstruction filter; it is importance sampled.
+    pub filter: Filter,
+    /// Factor on all radiance (sensor iso, exposure time, imaging ratio), by channel.
+    pub exposure: Rgb,
+    /// Samples brighter than this are scaled down to it (pbrt's maxcomponentvalue); biased.
+    pub max_component: Option<f32>,
+}
+
+/// Reconstruction filters; radii in pixels, separable unless said otherwise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Filter {
+    /// Constant.
+    Box {
+        /// Half width by axis.
+        radius: (f64, f64),
+    },
+    /// Linear fall-off.
+    Tent {
+        /// Half width by axis.
+        radius: (f64, f64),
+    },
+    /// Truncated Gaussian, lowered so that it ends at zero.
+    Gaussian {
+        /// Half width by axis.
+        radius: (f64, f64),
+        /// Standard deviation.
+        sigma: f64,
+    },
+    /// Mitchell-Netravali; has negative lobes.
+    Mitchell {
+        /// Half width by axis.
+        radius: (f64, f64),
+        /// Parameter B.
+        b: f64,
+        /// Parameter C.
+        c: f64,
+    },
+    /// Four-term Blackman-Harris window.
+    BlackmanHarris {
+        /// Half width by axis.
+        radius: (f64, f64),
+    },
+    /// Windowed sinc (pbrt's LanczosSincFilter).
+    LanczosSinc {
+        /// Half width by axis.
+        radius: (f64, f64),
+        /// Lobes before the window ends.
+        tau: f64,
+    },
+}
+
+/// How light is gathered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Integrator {
+    /// The lecture's basic ray tracer [Whitted80]: pixel centre, lens centre, shutter opening, one
+    /// shadow ray to every light, mirror and glass followed to `max_depth`.
+    Whitted {
+        /// Bounces.
+        max_depth: u32,
+    },
+    /// Direct light only, with MIS; perfect mirrors and glass are followed to `max_depth`.
+    Direct {
+        /// Bounces through mirrors and glass.
+        max_depth: u32,
+    },
+    /// Path tracer with next-event estimation and MIS.
+    Path {
+        /// Scattering events of a path: 0 sees only emission.
+        max_depth: u32,
+    },
+    /// World-space shading normal, mapped from [-1, 1] to [0, 1].
+    Normals,
+    /// Directional albedo of the first surface.
+    Albedo,
+    /// Distance along the ray.
+    Depth,
+    /// Texture coordinates as red and green.
+    Uv,
+}
+
+/// Which points a pixel is sampled at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum SamplerKind {
+    /// Owen-scrambled Sobol points.
+    #[default]
+    OwenSobol,
+    /// Jittered strata over blocks of 16 samples.
+    Stratified,
+    /// Independent uniform numbers.
+    Independent,
+}
+
+/// A triangle mesh. Vertex attributes are either empty or one for every vertex.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Mesh {
+    /// For messages.
+    pub name: String,
+    /// Vertex positions; with deformation, those of the first key.
+    pub positions: Arc<Vec<[f32; 3]>>,
+    /// Shading normals.
+    pub normals: Arc<Vec<[f32; 3]>>,
+    /// Tangents; w is the sign of the bitangent.
+    pub tangents: Arc<Vec<[f32; 4]>>,
+    /// Texture coordinates, by set; (0, 0) is the bottom left of a picture.
+    pub uvs: Vec<Arc<Vec<[f32; 2]>>>,
+    /// Colours, linear RGBA.
+    pub colors: Arc<Vec<[f32; 4]>>,
+    /// Corners of the triangles.
+    pub indices: Arc<Vec<[u32; 3]>>,
+    /// Further keys of a deforming mesh, times rising strictly after `first_time`.
+    pub deformation: Option<Arc<Deformation>>,
+}
+
+/// Vertices of a deforming mesh over time; linear between keys.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Deformation {
+    /// Time of [`Mesh::positions`], seconds.
+    pub first_time: f64,
+    /// The other keys.
+    pub keys: Vec<DeformationKey>,
+}
+
+/// One further key of a deforming mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeformationKey {
+    /// Seconds.
+    pub time: f64,
+    /// One for every vertex.
+    pub positions: Vec<[f32; 3]>,
+    /// One for every vertex, or empty.
+    pub normals: Vec<[f32; 3]>,
+}
+
+/// A shape with its surface, placed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Primitive {
+    /// Geometry in local space.
+    pub shape: Shape,
+    /// Local to parent (world, or the group).
+    pub transform: Motion,
+    /// Surface.
+    pub material: MaterialId,
+    /// Light given off, beside what the material reflects.
+    pub emission: Option<Emission>,
+    /// Coverage: a ray passes where a uniform number exceeds it.
+    pub alpha: Option<FloatTex>,
+    /// The outside becomes the inside (swaps the geometric normal).
+    pub reverse_orientation: bool,
+}
+
+/// Geometry in local space.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Shape {
+    /// A triangle mesh. The geometric normal is (p1 - p0) x (p2 - p0), turned to the side of the
+    /// shading normals where the mesh has them.
+    Mesh(MeshId),
+    /// A full sphere about the origin; normal outward. uv: pbrt's (phi / 360, from the south pole
+    /// (-Z) at v = 0 to the north pole at v = 1).
+    Sphere {
+        /// Scene units.
+        radius: f64,
+    },
+    /// Points with x^2 + y^2 between the radii squared, at z = `height`; normal +Z.
+    Disk {
+        /// Scene units.
+        radius: f64,
+        /// Radius of the hole, or 0.
+        inner_radius: f64,
+        /// Along z.
+        height: f64,
+    },
+    /// The square [-1, 1]^2 at z = 0; normal +Z; uv from (0, 0) at (-1, -1) to (1, 1).
+    Rectangle,
+}
+
+/// Light given off by a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Emission {
+    /// Radiance; a texture is multiplied by `scale`.
+    pub radiance: ColorTex,
+    /// Factor.
+    pub scale: f32,
+    /// Both sides shine, otherwise the side of the geometric normal.
+    pub two_sided: bool,
+}
+
+/// Shapes that are placed together.
+#[derive(Clone, Debug, PartialEq, Default)]
+pub struct Group {
+    /// For messages.
+    pub name: String,
+    /// Their transforms are relative to the group.
+    pub primitives: Vec<Primitive>,
+    /// Nested instances (no cycles; checked).
+    pub instances: Vec<Instance>,
+}
+
+/// A placed group.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instance {
+    /// What is placed.
+    pub group: GroupId,
+    /// Group to parent.
+    pub transform: Motion,
+}
+
+/// A light that is not a shape.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Light {
+    /// Equal radiant intensity in all directions, from the origin of `transform`.
+    Point {
+        /// Light to world.
+        transform: DAffine3,
+        /// Power per solid angle.
+        intensity: Rgb,
+    },
+    /// A cone about +Z of light space.
+    Spot {
+        /// Light to world.
+        transform: DAffine3,
+        /// Power per solid angle on the axis.
+        intensity: Rgb,
+        /// Half angle where it is dark, degrees.
+        cone_angle: f64,
+        /// Half angle up to which it has full strength, degrees.
+        full_angle: f64,
+        /// Shape between the two angles.
+        falloff: SpotFalloff,
+    },
+    /// Parallel light from infinitely far away.
+    Distant {
+        /// Direction the light travels in, world space.
+        direction: DVec3,
+        /// Irradiance on a surface facing it.
+        irradiance: Rgb,
+    },
+    /// Light from all directions.
+    Environment {
+        /// Light space to world; only its linear part matters.
+        transform: DAffine3,
+        /// Radiance, or factor on the picture.
+        radiance: Rgb,
+        /// Picture, if any, and its layout.
+        image: Option<(ImageId, SphereMapping)>,
+        /// Alpha 0 where it is seen directly.
+        hidden: bool,
+    },
+}
+
+/// Shape of a spot light's edge. With c the cosine of the angle to the axis, c0 of `cone_angle`, c1
+/// of `full_angle`, x = (c - c0) / (c1 - c0) clamped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SpotFalloff {
+    /// x^2 (3 - 2x), pbrt.
+    SmoothStep,
+    /// x^2, glTF.
+    Squared,
+}
+
+/// A picture file.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct ImageDesc {
+    /// Path inside the scene.
+    pub path: String,
+    /// How stored numbers become linear ones.
+    pub encoding: Encoding,
+    /// Missing, and allowed to be: the tracer uses a conspicuous stand-in.
+    pub missing: bool,
+}
+
+/// How the stored numbers of a picture become linear ones.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Encoding {
+    /// sRGB for 8-bit and 16-bit integers, linear for float formats.
+    Auto,
+    /// sRGB transfer function.
+    Srgb,
+    /// As they are.
+    Linear,
+    /// Power function; the exponent is in millionths so that it can be compared.
+    GammaMicros(u32),
+}
+
+/// What happens outside [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// Start again.
+    Repeat,
+    /// There and back.
+    Mirror,
+    /// Border pixel.
+    Clamp,
+    /// Nothing: zero.
+    Black,
+}
+
+/// From surface to texture coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub enum UvMap {
+    /// A set of the mesh's coordinates through a 2 x 3 matrix: s = m[0] u + m[1] v + m[2],
+    /// t = m[3] u + m[4] v + m[5].
+    Uv {
+        /// Which set of the mesh.
+        set: u32,
+        /// See above.
+        matrix: [f64; 6],
+    },
+    /// World position through a matrix: planar projection (x, y), with z for solid textures.
+    Planar {
+        /// World to texture.
+        matrix: DAffine3,
+    },
+}
+
+impl Default for UvMap {
+    fn default() -> Self {
+        UvMap::Uv { set: 0, matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0] }
+    }
+}
+
+/// A colour that may vary over a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ColorTex {
+    /// The same everywhere.
+    Const(Rgb),
+    /// Looked up.
+    Texture(TextureId),
+}
+
+/// A number that may vary over a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FloatTex {
+    /// The same everywhere.
+    Const(f32),
+    /// Looked up; which number of the texture's four is taken.
+    Texture(TextureId, Channel),
+}
+
+/// Which number of a texture a float parameter takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Channel {
+    /// Red.
+    R,
+    /// Green.
+    G,
+    /// Blue.
+    B,
+    /// Alpha.
+    A,
+    /// Mean of red, green, blue.
+    Mean,
+}
+
+/// A texture: a function from the surface to RGBA.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Texture {
+    /// The same everywhere.
+    Constant {
+        /// Value.
+        value: [f32; 4],
+    },
+    /// A picture.
+    Image {
+        /// Which.
+        image: ImageId,
+        /// Where.
+        map: UvMap,
+        /// By axis.
+        wrap: (Wrap, Wrap),
+        /// Nearest pixel instead of bilinear.
+        nearest: bool,
+        /// 1 - value for colour channels, applied before `scale`.
+        invert: bool,
+        /// Factor.
+        scale: [f32; 4],
+    },
+    /// Alternating squares of unit size in texture space.
+    Checkerboard {
+        /// Where.
+        map: UvMap,
+        /// Where the sum of the cell's integer coordinates is even.
+        even: ColorTex,
+        /// Elsewhere.
+        odd: ColorTex,
+    },
+    /// Product, channel by channel.
+    Scale {
+        /// One.
+        a: ColorTex,
+        /// The other.
+        b: FloatOrColor,
+    },
+    /// (1 - amount) a + amount b.
+    Mix {
+        /// Where amount is 0.
+        a: ColorTex,
+        /// Where amount is 1.
+        b: ColorTex,
+        /// Weight.
+        amount: FloatTex,
+    },
+    /// Bilinear between four corners of the unit square in texture space.
+    Bilerp {
+        /// Where.
+        map: UvMap,
+        /// At (0,0), (0,1), (1,0), (1,1).
+        corners: [Rgb; 4],
+    },
+    /// Interpolated vertex colour.
+    VertexColor,
+}
+
+/// Either kind of parameter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FloatOrColor {
+    /// Number.
+    Float(FloatTex),
+    /// Colour.
+    Color(ColorTex),
+}
+
+/// A surface: how it scatters and what perturbs its normal.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// For messages and sharing.
+    pub name: String,
+    /// Scattering.
+    pub bsdf: BsdfDesc,
+    /// Tangent-space normal map: texture and strength on x and y.
+    pub normal_map: Option<(TextureId, f32)>,
+    /// Bump map: displacement along the normal, scene units.
+    pub bump_map: Option<FloatTex>,
+}
+
+/// Width of a microfacet lobe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Roughness {
+    /// Along the tangent.
+    pub u: FloatTex,
+    /// Along the bitangent.
+    pub v: FloatTex,
+    /// Whether the numbers are widths or an artist's roughness.
+    pub scale: RoughnessScale,
+}
+
+/// What a roughness number means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RoughnessScale {
+    /// GGX alpha itself.
+    Alpha,
+    /// alpha = sqrt(roughness): pbrt-v4 with `remaproughness`.
+    Sqrt,
+    /// alpha = roughness^2: glTF, Disney.
+    Square,
+}
+
+/// How a surface scatters.
+#[derive(Clone, Debug, PartialEq)]
+pub enum BsdfDesc {
+    /// Lambert; black below.
+    Diffuse {
+        /// Albedo.
+        reflectance: ColorTex,
+    },
+    /// Rough diffuse [OrenNayar94].
+    OrenNayar {
+        /// Albedo.
+        reflectance: ColorTex,
+        /// Standard deviation of the facet angle, degrees.
+        sigma: FloatTex,
+    },
+    /// Modified Phong [LafortuneWillems94]: diffuse kd plus ks (n + 2) / 2 pi cos^n about the mirror
+    /// direction.
+    Phong {
+        /// Diffuse albedo.
+        diffuse: ColorTex,
+        /// Specular albedo at normal incidence.
+        specular: ColorTex,
+        /// Exponent n.
+        exponent: FloatTex,
+    },
+    /// Generalised cosine lobes [Lafortune97].
+    Lafortune {
+        /// Diffuse albedo.
+        diffuse: ColorTex,
+        /// The lobes.
+        lobes: Vec<LafortuneLobe>,
+    },
+    /// Perfect mirror.
+    Mirror {
+        /// Fraction reflected.
+        reflectance: ColorTex,
+    },
+    /// Glass; smooth where the roughness is 0.
+    Dielectric {
+        /// Index of refraction inside over outside.
+        ior: f32,
+        /// Microfacet width.
+        roughness: Roughness,
+        /// Factor on what is reflected (1 is physical).
+        reflect_tint: ColorTex,
+        /// Factor on what is transmitted (1 is physical).
+        transmit_tint: ColorTex,
+    },
+    /// A pane so thin that rays are not bent.
+    ThinDielectric {
+        /// Index of refraction.
+        ior: f32,
+    },
+    /// Metal: GGX with complex index of refraction; smooth where the roughness is 0.
+    Conductor {
+        /// Optical constants.
+        fresnel: ConductorFresnel,
+        /// Microfacet width.
+        roughness: Roughness,
+    },
+    /// A diffuse base under a dielectric layer.
+    CoatedDiffuse {
+        /// Albedo of the base.
+        reflectance: ColorTex,
+        /// The layer.
+        coat: Coat,
+    },
+    /// A metal under a dielectric layer.
+    CoatedConductor {
+        /// The metal.
+        fresnel: ConductorFresnel,
+        /// Microfacet width of the metal.
+        roughness: Roughness,
+        /// The layer.
+        coat: Coat,
+    },
+    /// Lambert on both sides, reflecting and transmitting.
+    DiffuseTransmission {
+        /// Fraction sent back.
+        reflectance: ColorTex,
+        /// Fraction sent through.
+        transmittance: ColorTex,
+    },
+    /// Picks one of two by a weight.
+    Mix {
+        /// Where amount is 0.
+        a: MaterialId,
+        /// Where amount is 1.
+        b: MaterialId,
+        /// Weight of `b`.
+        amount: FloatTex,
+    },
+    /// The same reflection on both sides of the surface (diffuse and metals are so already; this is
+    /// for lobes that are black below, as pbrt has them one-sided nowhere).
+    TwoSided {
+        /// Seen from either side.
+        inner: MaterialId,
+    },
+    /// No surface at all: rays pass.
+    Interface,
+}
+
+/// A generalised cosine lobe: (cx wi.x wo.x + cy wi.y wo.y + cz wi.z wo.z)^n, times a colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LafortuneLobe {
+    /// Colour.
+    pub albedo: Rgb,
+    /// cx = cy = -1, cz = 1 is Phong about the mirror direction.
+    pub c: [f32; 3],
+    /// n.
+    pub exponent: f32,
+}
+
+/// Optical constants of a metal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ConductorFresnel {
+    /// Complex index of refraction by channel.
+    EtaK {
+        /// Real part.
+        eta: ColorTex,
+        /// Imaginary part.
+        k: ColorTex,
+    },
+    /// Reflectance at normal incidence; k is derived with eta = 1.
+    Reflectance(ColorTex),
+}
+
+/// A dielectric layer over something.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Coat {
+    /// Index of refraction.
+    pub ior: f32,
+    /// Microfacet width of its surface.
+    pub roughness: Roughness,
+    /// Thickness in scene units (the medium inside absorbs nothing unless `albedo` says so).
+    pub thickness: f32,
+    /// Scattering albedo of the medium in the layer; 0 is clear.
+    pub albedo: Rgb,
+    /// Henyey-Greenstein asymmetry of that medium.
+    pub g: f32,
+    /// Bounces inside that are followed.
+    pub max_depth: u32,
+    /// Walks averaged for a value.
+    pub samples: u32,
+}
