@@ -1,0 +1,190 @@
+//! The exact sums of one unit.
+
+use crate::fixed::{self, Square};
+use crate::unit::{SampleRange, Tile};
+
+/// What one camera sample brings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LayerSample {
+    /// Radiance, linear Rec. 709.
+    pub beauty: [f32; 3],
+    /// Coverage, 0 to 1.
+    pub alpha: f32,
+    /// Directional albedo of the first surface.
+    pub albedo: [f32; 3],
+    /// Shading normal of the first surface, world space; zero where there is none.
+    pub normal: [f32; 3],
+    /// Distance to the first surface along the ray, or infinity.
+    pub depth: f32,
+}
+
+impl LayerSample {
+    /// Nothing at all.
+    pub const EMPTY: LayerSample =
+        LayerSample { beauty: [0.0; 3], alpha: 0.0, albedo: [0.0; 3], normal: [0.0; 3], depth: f32::INFINITY };
+}
+
+/// Sums over the samples of one pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PixelSums {
+    /// Radiance by channel, in steps of 2^-40.
+    pub beauty: [i128; 3],
+    /// Squares of radiance by channel.
+    pub square: [Square; 3],
+    /// Luminance of the samples in the second half (see [`in_second_half`]), in steps of 2^-40.
+    pub half: i128,
+    /// Coverage, in steps of 2^-20.
+    pub alpha: i64,
+    /// Albedo, in steps of 2^-20.
+    pub albedo: [i64; 3],
+    /// Normal, in steps of 2^-20.
+    pub normal: [i64; 3],
+    /// Distance over the samples that hit something, in steps of 2^-40.
+    pub depth: i128,
+    /// Samples that hit something.
+    pub hits: u32,
+}
+
+/// Luminance of linear Rec. 709, in the fixed-point steps of the channels. The weights are integers
+/// over 2^16 that add to 2^16, so that the luminance of a sum is the sum of the luminances up to one
+/// rounding for each sample.
+#[inline(always)]
+pub fn luminance_fixed(rgb: [i128; 3]) -> i128 {
+    (rgb[0] * 13_933 + rgb[1] * 46_871 + rgb[2] * 4_732) >> 16
+}
+
+/// Which half of a pixel's samples an index belongs to, for the error estimate. Both halves of any
+/// aligned block of 2^m samples have 2^(m-1) of them and are themselves well distributed: the mask is
+/// the first row of the third Sobol generator matrix (bits 1, 1, 0 repeated), so that a half is a
+/// digital net of its own [Joe08, dimension 3].
+#[inline(always)]
+pub fn in_second_half(index: u32) -> bool {
+    (index & 0xDB6D_B6DB).count_ones() & 1 == 1
+}
+
+/// Why a sample contributes nothing although it stays in the count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reject {
+    /// NaN or infinity.
+    NotFinite,
+    /// Larger than the sums can hold.
+    OutOfRange,
+}
+
+/// A rejected sample and its place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rejected {
+    /// Pixel, relative to the tile.
+    pub x: u16,
+    /// Pixel, relative to the tile.
+    pub y: u16,
+    /// Sample index.
+    pub index: u32,
+    /// Why.
+    pub reason: Reject,
+}
+
+/// Places of rejected samples that a buffer remembers; all are counted.
+pub const REJECTED_KEPT: usize = 16;
+
+/// The sums of one unit: every pixel of a tile over one range of samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SampleBuffer {
+    tile: Tile,
+    samples: SampleRange,
+    pixels: Vec<PixelSums>,
+    rejected: Vec<Rejected>,
+    rejected_count: u64,
+}
+
+impl SampleBuffer {
+    /// All sums zero.
+    pub fn new(tile: Tile, samples: SampleRange) -> Self {
+        SampleBuffer {
+            tile,
+            samples,
+            pixels: vec![PixelSums::default(); tile.pixels()],
+            rejected: Vec::new(),
+            rejected_count: 0,
+        }
+    }
+
+    /// The tile.
+    pub fn tile(&self) -> Tile {
+        self.tile
+    }
+    /// The samples.
+    pub fn samples(&self) -> SampleRange {
+        self.samples
+    }
+    /// Row by row from the top left of the tile.
+    pub fn pixels(&self) -> &[PixelSums] {
+        &self.pixels
+    }
+    /// For decoding.
+    pub fn pixels_mut(&mut self) -> &mut [PixelSums] {
+        &mut self.pixels
+    }
+    /// Places of the first rejected samples.
+    pub fn rejected(&self) -> &[Rejected] {
+        &self.rejected
+    }
+    /// How many samples were rejected.
+    pub fn rejected_count(&self) -> u64 {
+        self.rejected_count
+    }
+
+    /// Rounds a sample once and adds it to the pixel at (x, y) of the tile. A value that is not
+    /// finite or out of range adds nothing in any layer, stays in the count and is reported.
+    #[inline]
+    pub fn add(&mut self, x: u32, y: u32, index: u32, sample: &LayerSample) -> Result<(), Reject> {
+        if let Err(reason) = check(sample) {
+            self.rejected_count += 1;
+            if self.rejected.len() < REJECTED_KEPT {
+                self.rejected.push(Rejected { x: x as u16, y: y as u16, index, reason });
+            }
+            return Err(reason);
+        }
+        let sums = &mut self.pixels[(y * self.tile.width + x) as usize];
+        let beauty = sample.beauty.map(fixed::to_fixed);
+        for c in 0..3 {
+            sums.beauty[c] += beauty[c];
+            sums.square[c] += Square::of(sample.beauty[c]);
+            sums.albedo[c] += fixed::to_bounded(sample.albedo[c]);
+            sums.normal[c] += fixed::to_bounded(sample.normal[c]);
+        }
+        if in_second_half(index) {
+            sums.half += luminance_fixed(beauty);
+        }
+        sums.alpha += fixed::to_bounded(sample.alpha);
+        if sample.depth < f32::INFINITY {
+            sums.depth += fixed::to_fixed(sample.depth);
+            sums.hits += 1;
+        }
+        Ok(())
+    }
+}
+
+/// Whether every layer of a sample can be added.
+#[inline]
+fn check(sample: &LayerSample) -> Result<(), Reject> {
+    let mut value_max = 0.0f32;
+    let mut bounded_max = sample.alpha.abs();
+    let mut poison = 0.0f32; // stays 0 for finite numbers, becomes NaN for anything else
+    for c in 0..3 {
+        value_max = value_max.max(sample.beauty[c].abs());
+        bounded_max = bounded_max.max(sample.albedo[c].abs()).max(sample.normal[c].abs());
+        poison += sample.beauty[c] * 0.0 + sample.albedo[c] * 0.0 + sample.normal[c] * 0.0;
+    }
+    poison += sample.alpha * 0.0;
+    if poison.is_nan() || sample.depth.is_nan() {
+        return Err(Reject::NotFinite);
+    }
+    if sample.depth < f32::INFINITY {
+        value_max = value_max.max(sample.depth.abs());
+    }
+    if value_max > fixed::VALUE_MAX || bounded_max > fixed::BOUNDED_MAX {
+        return Err(Reject::OutOfRange);
+    }
+    Ok(())
+}
