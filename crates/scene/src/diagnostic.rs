@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 /// How bad a finding is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum Severity {
     /// The scene renders, but something was approximated, replaced or left out.
@@ -76,17 +78,31 @@ pub struct SceneError {
 }
 
 fn summary(diagnostics: &[Diagnostic]) -> String {
-    let errors: Vec<_> = diagnostics.iter().filter(|d| d.severity == Severity::Error).collect();
+    let errors: Vec<_> = diagnostics
+        .iter()
+        .filter(|d| d.severity == Severity::Error)
+        .collect();
     match errors.as_slice() {
         [] => "the scene cannot be used".into(),
         [only] => format!("{}: {}", only.place, only.reason),
-        [first, rest @ ..] => format!("{}: {} (and {} more)", first.place, first.reason, rest.len()),
+        [first, rest @ ..] => format!(
+            "{}: {} (and {} more)",
+            first.place,
+            first.reason,
+            rest.len()
+        ),
     }
 }
 
 impl SceneError {
     /// An error with one finding.
     pub fn one(place: Place, reason: impl Into<String>) -> Self {
-        SceneError { diagnostics: vec![Diagnostic { severity: Severity::Error, place, reason: reason.into() }] }
+        SceneError {
+            diagnostics: vec![Diagnostic {
+                severity: Severity::Error,
+                place,
+                reason: reason.into(),
+            }],
+        }
     }
 }

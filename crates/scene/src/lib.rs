@@ -4,6 +4,8 @@
 //! The way in is [`load`]: it picks the main file, reads it through an [`AssetSource`] and returns
 //! a [`SceneDesc`] with the [`Diagnostic`]s that the reader collected.
 
+#![forbid(unsafe_code)]
+
 pub mod assets;
 pub mod diagnostic;
 pub mod model;

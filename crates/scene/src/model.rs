@@ -98,7 +98,12 @@ pub struct MotionKey {
 impl Motion {
     /// No motion.
     pub fn fixed(transform: DAffine3) -> Self {
-        Motion { keys: vec![MotionKey { time: 0.0, transform }] }
+        Motion {
+            keys: vec![MotionKey {
+                time: 0.0,
+                transform,
+            }],
+        }
     }
     /// No motion, no placement.
     pub fn identity() -> Self {
@@ -552,7 +557,10 @@ pub enum UvMap {
 
 impl Default for UvMap {
     fn default() -> Self {
-        UvMap::Uv { set: 0, matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0] }
+        UvMap::Uv {
+            set: 0,
+            matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        }
     }
 }
 
