@@ -20,8 +20,13 @@ pub struct LayerSample {
 
 impl LayerSample {
     /// Nothing at all.
-    pub const EMPTY: LayerSample =
-        LayerSample { beauty: [0.0; 3], alpha: 0.0, albedo: [0.0; 3], normal: [0.0; 3], depth: f32::INFINITY };
+    pub const EMPTY: LayerSample = LayerSample {
+        beauty: [0.0; 3],
+        alpha: 0.0,
+        albedo: [0.0; 3],
+        normal: [0.0; 3],
+        depth: f32::INFINITY,
+    };
 }
 
 /// Sums over the samples of one pixel.
@@ -134,6 +139,12 @@ impl SampleBuffer {
         self.rejected_count
     }
 
+    /// For decoding.
+    pub(crate) fn set_rejected(&mut self, rejected: Vec<Rejected>, count: u64) {
+        self.rejected = rejected;
+        self.rejected_count = count;
+    }
+
     /// Rounds a sample once and adds it to the pixel at (x, y) of the tile. A value that is not
     /// finite or out of range adds nothing in any layer, stays in the count and is reported.
     #[inline]
@@ -141,7 +152,12 @@ impl SampleBuffer {
         if let Err(reason) = check(sample) {
             self.rejected_count += 1;
             if self.rejected.len() < REJECTED_KEPT {
-                self.rejected.push(Rejected { x: x as u16, y: y as u16, index, reason });
+                self.rejected.push(Rejected {
+                    x: x as u16,
+                    y: y as u16,
+                    index,
+                    reason,
+                });
             }
             return Err(reason);
         }
@@ -173,7 +189,9 @@ fn check(sample: &LayerSample) -> Result<(), Reject> {
     let mut poison = 0.0f32; // stays 0 for finite numbers, becomes NaN for anything else
     for c in 0..3 {
         value_max = value_max.max(sample.beauty[c].abs());
-        bounded_max = bounded_max.max(sample.albedo[c].abs()).max(sample.normal[c].abs());
+        bounded_max = bounded_max
+            .max(sample.albedo[c].abs())
+            .max(sample.normal[c].abs());
         poison += sample.beauty[c] * 0.0 + sample.albedo[c] * 0.0 + sample.normal[c] * 0.0;
     }
     poison += sample.alpha * 0.0;

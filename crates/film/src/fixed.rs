@@ -78,13 +78,23 @@ impl Square {
             // Below 1 the scaled square is below 2^64; `as` truncates, so add half a step first.
             // Adding can only round at 2^53 and above, where the number is a whole one already.
             let scaled = square * 18_446_744_073_709_551_616.0;
-            let rounded = if scaled < 4_503_599_627_370_496.0 { scaled + 0.5 } else { scaled };
-            Square { whole: 0, fraction: rounded as u64 }
+            let rounded = if scaled < 4_503_599_627_370_496.0 {
+                scaled + 0.5
+            } else {
+                scaled
+            };
+            Square {
+                whole: 0,
+                fraction: rounded as u64,
+            }
         } else {
             // 48 significant bits at or above 1: the last place is at least 2^-47, all exact.
             let whole = square as u128;
             let fraction = (square - whole as f64) * 18_446_744_073_709_551_616.0;
-            Square { whole, fraction: fraction as u64 }
+            Square {
+                whole,
+                fraction: fraction as u64,
+            }
         }
     }
 

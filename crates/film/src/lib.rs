@@ -5,13 +5,19 @@
 //! order, cut or grouping of the samples gives the same bits.
 #![forbid(unsafe_code)]
 
+mod blocks;
 pub mod buffer;
+pub mod codec;
 pub mod counters;
 pub mod fixed;
+mod planes;
 pub mod unit;
 pub mod version;
+mod wide;
 
 pub use buffer::{LayerSample, PixelSums, Reject, Rejected, SampleBuffer};
+pub use codec::{CodecError, UnitResult, decode_unit, encode_unit};
 pub use counters::Counters;
+pub use fixed::Square;
 pub use unit::{SampleRange, TILE_SIZE, Tile, TileGrid, Unit};
 pub use version::{ENGINE_VERSION, EngineVersion};

@@ -96,7 +96,12 @@ impl TileGrid {
     pub fn tile(self, index: u32) -> Tile {
         let x = (index % self.columns()) * TILE_SIZE;
         let y = (index / self.columns()) * TILE_SIZE;
-        Tile { x, y, width: (self.width - x).min(TILE_SIZE), height: (self.height - y).min(TILE_SIZE) }
+        Tile {
+            x,
+            y,
+            width: (self.width - x).min(TILE_SIZE),
+            height: (self.height - y).min(TILE_SIZE),
+        }
     }
 }
 
@@ -115,7 +120,11 @@ pub struct Unit {
 /// `frame-tile-begin-end`: the name of a unit in addresses and logs.
 impl std::fmt::Display for Unit {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}-{}-{}-{}", self.frame, self.tile, self.samples.begin, self.samples.end)
+        write!(
+            f,
+            "{}-{}-{}-{}",
+            self.frame, self.tile, self.samples.begin, self.samples.end
+        )
     }
 }
 
@@ -131,8 +140,11 @@ impl std::str::FromStr for Unit {
             let mut parts = text.split('-');
             let mut next = || parts.next()?.parse::<u32>().ok();
             let (frame, tile, begin, end) = (next()?, next()?, next()?, next()?);
-            (parts.next().is_none() && begin < end)
-                .then_some(Unit { frame, tile, samples: SampleRange { begin, end } })
+            (parts.next().is_none() && begin < end).then_some(Unit {
+                frame,
+                tile,
+                samples: SampleRange { begin, end },
+            })
         };
         parse().ok_or_else(|| UnitNameError(text.chars().take(64).collect()))
     }
@@ -150,23 +162,41 @@ mod tests {
             at = pass_end(at);
             borders.push(at);
         }
-        assert_eq!(borders, [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 1536, 2048]);
+        assert_eq!(
+            borders,
+            [1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 1536, 2048]
+        );
         assert_eq!(pass_end(300), 512);
         assert_eq!(pass_end(513), 1024);
     }
 
     #[test]
     fn tiles_cover_the_picture_once() {
-        let grid = TileGrid { width: 130, height: 65 };
+        let grid = TileGrid {
+            width: 130,
+            height: 65,
+        };
         let area: usize = (0..grid.count()).map(|i| grid.tile(i).pixels()).sum();
         assert_eq!((grid.count(), area), (6, 130 * 65));
     }
 
     #[test]
     fn unit_names_round_trip() {
-        let unit = Unit { frame: 3, tile: 17, samples: SampleRange { begin: 8, end: 16 } };
+        let unit = Unit {
+            frame: 3,
+            tile: 17,
+            samples: SampleRange { begin: 8, end: 16 },
+        };
         assert_eq!(unit.to_string().parse(), Ok(unit));
-        for bad in ["", "1-2-3", "1-2-3-4-5", "1-2-4-4", "a-b-c-d", "1-2-5-4", "-1-2-3-4"] {
+        for bad in [
+            "",
+            "1-2-3",
+            "1-2-3-4-5",
+            "1-2-4-4",
+            "a-b-c-d",
+            "1-2-5-4",
+            "-1-2-3-4",
+        ] {
             assert!(bad.parse::<Unit>().is_err(), "{bad}");
         }
     }
