@@ -2,7 +2,10 @@
 //! `cargo bench -p brolly-film` prints also the bytes a pixel.
 
 use divan::{Bencher, counter::BytesCount};
-use film::{UnitResult, decode_unit, encode_unit};
+use film::{
+    ENGINE_VERSION, Film, Receipt, SampleRange, TileGrid, UnitResult, decode_tile, decode_unit,
+    encode_tile, encode_unit,
+};
 
 #[path = "../tests/support/mod.rs"]
 mod support;
@@ -46,4 +49,70 @@ fn decode(bencher: Bencher, samples: u32) {
     bencher
         .counter(BytesCount::new(bytes.len()))
         .bench(|| decode_unit(&bytes));
+}
+
+#[divan::bench(args = SAMPLES)]
+fn merge(bencher: Bencher, samples: u32) {
+    let result = result(samples);
+    let bytes = bytes(&result);
+    let receipt = Receipt::of(&bytes, "worker");
+    // The second unit of a tile: the first one only widens the planes.
+    let mut film = Film::new(GRID, 0);
+    let mut before = support::whole_tile(2048, 2048 + samples);
+    before.unit.samples = SampleRange {
+        begin: 2048,
+        end: 2048 + samples,
+    };
+    film.merge(
+        &before,
+        Receipt {
+            digest: [0; 32],
+            worker: "worker".into(),
+        },
+    )
+    .unwrap();
+    bencher
+        .counter(BytesCount::new(bytes.len()))
+        .with_inputs(|| film.clone())
+        .bench_local_refs(|film| film.merge(&result, receipt.clone()));
+}
+
+#[divan::bench(args = SAMPLES)]
+fn save(bencher: Bencher, samples: u32) {
+    let film = one_merged(samples);
+    let length = encode_tile(&film.tiles()[TILE], 0, ENGINE_VERSION).len();
+    bencher
+        .counter(BytesCount::new(length))
+        .bench(|| encode_tile(&film.tiles()[TILE], 0, ENGINE_VERSION));
+}
+
+#[divan::bench(args = SAMPLES)]
+fn load(bencher: Bencher, samples: u32) {
+    let film = one_merged(samples);
+    let bytes = encode_tile(&film.tiles()[TILE], 0, ENGINE_VERSION);
+    bencher
+        .counter(BytesCount::new(bytes.len()))
+        .bench(|| decode_tile(&bytes));
+}
+
+#[divan::bench(args = SAMPLES)]
+fn error_of_a_tile(bencher: Bencher, samples: u32) {
+    let film = one_merged(samples.max(2));
+    bencher.bench(|| film::error::tile_errors(&film.tiles()[TILE]));
+}
+
+const GRID: TileGrid = TileGrid {
+    width: 256,
+    height: 256,
+};
+const TILE: usize = 5;
+
+fn one_merged(samples: u32) -> Film {
+    let mut film = Film::new(GRID, 0);
+    let receipt = Receipt {
+        digest: [0; 32],
+        worker: "worker".into(),
+    };
+    film.merge(&result(samples), receipt).unwrap();
+    film
 }

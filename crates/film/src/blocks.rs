@@ -160,6 +160,22 @@ pub(crate) enum Values<'a> {
     Wide(&'a [Wide]),
 }
 
+impl Values<'_> {
+    /// The smallest and the largest.
+    pub fn span(&self) -> (Wide, Wide) {
+        fn of<T: Copy + Ord + Into<Wide>>(values: &[T]) -> (Wide, Wide) {
+            let end = |v: Option<&T>| v.map_or(Wide::ZERO, |&v| v.into());
+            (end(values.iter().min()), end(values.iter().max()))
+        }
+        match self {
+            Values::Same(value) => (*value, *value),
+            Values::Narrow(values) => of(values),
+            Values::Mid(values) => of(values),
+            Values::Wide(values) => of(values),
+        }
+    }
+}
+
 /// Room to decode a block into.
 pub(crate) struct Scratch {
     narrow: [i64; BLOCK],

@@ -142,6 +142,13 @@ impl From<i64> for Wide {
     }
 }
 
+impl From<i32> for Wide {
+    #[inline]
+    fn from(value: i32) -> Wide {
+        Wide::from(value as i64)
+    }
+}
+
 impl From<i128> for Wide {
     #[inline]
     fn from(value: i128) -> Wide {
