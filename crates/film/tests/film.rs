@@ -4,8 +4,8 @@ mod support;
 
 use film::layer::{Layer, channel};
 use film::{
-    EngineVersion, Film, MergeError, Merged, Receipt, SampleRange, Square, TileGrid, Unit,
-    UnitResult, encode_unit,
+    Counters, ENGINE_VERSION, EngineVersion, Film, MergeError, Merged, Receipt, SampleBuffer,
+    SampleRange, Square, TileGrid, Unit, UnitResult, encode_unit,
 };
 use proptest::prelude::*;
 use support::{hash, unit};
@@ -203,14 +203,17 @@ fn the_bounds_hold_for_all_samples() {
     let mut at = 0;
     while at < film::unit::SPP_MAX {
         let samples = range(at, film::unit::pass_end(at));
-        let mut one = unit(
-            grid,
-            Unit {
+        let mut one = UnitResult {
+            unit: Unit {
                 frame: 0,
                 tile: 0,
                 samples,
             },
-        );
+            engine: ENGINE_VERSION,
+            tile: grid.tile(0),
+            counters: Counters::default(),
+            buffer: SampleBuffer::new(grid.tile(0), samples),
+        };
         let n = samples.len();
         for (pixel, sign) in one.buffer.pixels_mut().iter_mut().zip([1i64, -1]) {
             // What adding n samples of 2^32 gives (`fixed` has the sums, by doubling).
