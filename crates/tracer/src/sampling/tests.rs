@@ -1,0 +1,1 @@
+//! Warps against their inverses and densities.
