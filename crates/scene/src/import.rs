@@ -1,0 +1,4 @@
+//! Foreign formats, one a module.
+
+pub mod pbrt;
+pub mod ply;

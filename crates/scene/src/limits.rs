@@ -1,0 +1,20 @@
+//! Every limit on what a scene may ask for, in one place; the error that refuses quotes it.
+
+/// Longest side of a picture, rendered or read.
+pub const MAX_SIDE: u32 = 65_536;
+/// Most pixels of a picture, rendered or read.
+pub const MAX_PIXELS: u64 = 1 << 28;
+/// Most samples per pixel.
+pub const MAX_SPP: u32 = 1 << 24;
+/// Deepest path.
+pub const MAX_DEPTH: u32 = 1 << 20;
+/// Memory that an import may take: files being read and everything that is made of them.
+pub const MAX_IMPORT_BYTES: u64 = 2 << 30;
+/// How deep files may include files, and blocks may lie in blocks.
+pub const MAX_NESTING: usize = 64;
+/// Deepest nesting of instances in groups.
+pub const MAX_INSTANCE_DEPTH: usize = 32;
+/// Most primitives that all instances together may stand for.
+pub const MAX_PLACED_PRIMITIVES: u64 = 1 << 40;
+/// Findings that are listed; the rest is counted.
+pub const MAX_DIAGNOSTICS: usize = 1_000;

@@ -1,0 +1,74 @@
+//! The way in: from a main file to a checked scene.
+
+use crate::assets::{AssetSource, RecordingSource, normalize};
+use crate::context::Context;
+use crate::diagnostic::{Diagnostic, Place, SceneError};
+use crate::model::SceneDesc;
+use crate::overrides::Overrides;
+use std::collections::BTreeSet;
+
+/// A scene, what there is to say about it, and the files that it uses: those that were read, and the
+/// pictures that the tracer will read.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The scene.
+    pub desc: SceneDesc,
+    /// Warnings.
+    pub diagnostics: Vec<Diagnostic>,
+    /// Paths in the source, the main file among them.
+    pub files: BTreeSet<String>,
+}
+
+/// Reads a scene, applies the overrides and checks the result. `main` is a path of the source.
+pub fn load(
+    main: &str,
+    assets: &dyn AssetSource,
+    overrides: &Overrides,
+) -> Result<(SceneDesc, Vec<Diagnostic>), SceneError> {
+    load_with_files(main, assets, overrides).map(|loaded| (loaded.desc, loaded.diagnostics))
+}
+
+/// The same, and which files the scene uses, so that only those need to travel.
+pub fn load_with_files(
+    main: &str,
+    assets: &dyn AssetSource,
+    overrides: &Overrides,
+) -> Result<Loaded, SceneError> {
+    let place = Place {
+        file: main.to_owned(),
+        ..Place::default()
+    };
+    let main = normalize(main).map_err(|e| SceneError::one(place.clone(), e.to_string()))?;
+    let recorder = RecordingSource::new(assets);
+    let mut cx = Context::new(&main, &recorder, overrides.allow_missing);
+    let ending = main
+        .rsplit_once('.')
+        .map(|(_, e)| e.to_ascii_lowercase())
+        .unwrap_or_default();
+    let result = match ending.as_str() {
+        "pbrt" => crate::import::pbrt::import(&main, &mut cx),
+        "gltf" | "glb" => return Err(SceneError::one(place, "glTF is not supported yet")),
+        _ => {
+            let reason = "not a scene: expected a .json, .pbrt, .gltf or .glb file";
+            return Err(SceneError::one(place, reason));
+        }
+    };
+    let desc = match result {
+        Ok(desc) => Some(desc),
+        Err(issue) => {
+            cx.error(issue);
+            None
+        }
+    };
+    let diagnostics = cx.finish()?;
+    let Some(mut desc) = desc else {
+        return Err(SceneError { diagnostics });
+    };
+    desc.meshes = std::mem::take(&mut cx.meshes);
+    desc.images = std::mem::take(&mut cx.images);
+    Ok(Loaded {
+        desc,
+        diagnostics,
+        files: recorder.used(),
+    })
+}
