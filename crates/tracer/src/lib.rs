@@ -1,10 +1,31 @@
 //! The light-transport core: a prepared [`Scene`] and [`render_unit`], which turns one unit of work
-//! into exact sums. Pure: no I/O but the [`scene::AssetSource`] given to [`prepare`], no clock, no
-//! OS randomness, no globals. A sample is a function of (engine version, prepared scene, seed, frame,
-//! pixel, sample index, dimension) and nothing else.
+//! into exact sums. Pure: no I/O but the [`::scene::AssetSource`] given to [`prepare`], no clock, no
+//! OS randomness, no mutable globals. A sample is a function of (engine version, prepared scene,
+//! seed, frame, pixel, sample index, dimension) and nothing else.
 
-use film::{Counters, LayerSample, SampleBuffer, TileGrid, Unit};
-use scene::{AssetSource, SceneDesc};
+pub mod accel;
+pub mod bsdf;
+pub mod camera;
+pub mod geometry;
+mod hash;
+pub mod integrator;
+pub mod light;
+pub mod material;
+pub mod math;
+mod prepare;
+pub mod ray;
+mod render;
+pub mod sampler;
+pub mod sampling;
+pub mod scene;
+pub mod texture;
+
+pub use accel::SimdLevel;
+pub use prepare::prepare;
+pub use render::{render_sample, render_unit};
+pub use scene::Scene;
+
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Why a scene could not be prepared.
@@ -12,7 +33,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 pub enum PrepareError {
     /// A file of the scene could not be read.
     #[error(transparent)]
-    Asset(#[from] scene::AssetError),
+    Asset(#[from] ::scene::AssetError),
     /// A file of the scene does not decode.
     #[error("{path}: {reason}")]
     Decode {
@@ -57,73 +78,17 @@ pub struct PrepareSettings {
     pub threads: usize,
 }
 
-/// A scene ready to be rendered: immutable and shared between threads.
-pub struct Scene {
-    grid: TileGrid,
-}
-
-impl Scene {
-    /// How the picture is cut into tiles.
-    pub fn grid(&self) -> TileGrid {
-        self.grid
-    }
-    /// Memory held, for the worker's budget.
-    pub fn memory_bytes(&self) -> usize {
-        0
-    }
-}
-
-/// Compiles a description into a [`Scene`].
-pub fn prepare(
-    desc: &SceneDesc,
-    _assets: &dyn AssetSource,
-    _settings: &PrepareSettings,
-    _stop: &StopFlag,
-) -> Result<Scene, PrepareError> {
-    Ok(Scene {
-        grid: TileGrid {
-            width: desc.film.width,
-            height: desc.film.height,
-        },
+/// The SIMD level in use: the best that the processor has, or the lower one that `BROLLY_SIMD` names
+/// (`scalar`, `sse2`, `avx2`, `avx512`). It never changes a bit.
+fn simd() -> SimdLevel {
+    static LEVEL: OnceLock<SimdLevel> = OnceLock::new();
+    *LEVEL.get_or_init(|| {
+        let wanted = std::env::var("BROLLY_SIMD").ok().and_then(|name| SimdLevel::from_name(&name));
+        wanted.map_or_else(SimdLevel::best, SimdLevel::available)
     })
 }
 
-/// Renders one unit on the calling thread; `None` if it was stopped.
-pub fn render_unit(
-    scene: &Scene,
-    unit: &Unit,
-    stop: &StopFlag,
-) -> Option<(SampleBuffer, Counters)> {
-    let tile = scene.grid.tile(unit.tile);
-    let mut buffer = SampleBuffer::new(tile, unit.samples);
-    for y in 0..tile.height {
-        for x in 0..tile.width {
-            if stop.is_stopped() {
-                return None;
-            }
-            for index in unit.samples.begin..unit.samples.end {
-                let _ = buffer.add(
-                    x,
-                    y,
-                    index,
-                    &LayerSample {
-                        alpha: 1.0,
-                        ..LayerSample::EMPTY
-                    },
-                );
-            }
-        }
-    }
-    Some((
-        buffer,
-        Counters {
-            samples: tile.pixels() as u64 * unit.samples.len() as u64,
-            ..Counters::default()
-        },
-    ))
-}
-
-/// The SIMD level in use: `sse2`, `avx2`, `avx512` or `scalar`; `BROLLY_SIMD` forces a lower one.
+/// Name of the SIMD level in use.
 pub fn simd_level() -> &'static str {
-    "scalar"
+    simd().name()
 }

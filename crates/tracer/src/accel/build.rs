@@ -1,0 +1,303 @@
+//! From boxes to the wide tree: a binary tree by `obvhs` (PLOC and reinsertion), then a greedy
+//! collapse to eight children by area.
+//!
+//! Each tree is built on one thread: parallel builds of `obvhs` are not known to give the same tree
+//! every time. Different trees are built at the same time.
+
+use super::node::{EMPTY, LEAF, LeafKind, Node, TriBlock, leaf};
+use glam::Vec3;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+use obvhs::{Boundable, BvhBuildParams};
+
+/// An axis-aligned box; empty while `min` is above `max`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: Vec3,
+    /// Upper corner.
+    pub max: Vec3,
+}
+
+impl Default for Bounds {
+    fn default() -> Self {
+        Bounds { min: Vec3::splat(f32::INFINITY), max: Vec3::splat(f32::NEG_INFINITY) }
+    }
+}
+
+impl Bounds {
+    /// Of some points.
+    pub fn of(points: impl IntoIterator<Item = Vec3>) -> Bounds {
+        points.into_iter().fold(Bounds::default(), |b, p| Bounds { min: b.min.min(p), max: b.max.max(p) })
+    }
+    /// Around both.
+    pub fn union(self, other: Bounds) -> Bounds {
+        Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+    /// Whether nothing is inside.
+    pub fn is_empty(&self) -> bool {
+        !(self.min.x <= self.max.x && self.min.y <= self.max.y && self.min.z <= self.max.z)
+    }
+    /// The eight corners.
+    pub fn corners(&self) -> [Vec3; 8] {
+        let (a, b) = (self.min, self.max);
+        std::array::from_fn(|i| {
+            Vec3::new(
+                if i & 1 == 0 { a.x } else { b.x },
+                if i & 2 == 0 { a.y } else { b.y },
+                if i & 4 == 0 { a.z } else { b.z },
+            )
+        })
+    }
+    /// Centre.
+    pub fn center(&self) -> Vec3 {
+        self.min * 0.5 + self.max * 0.5
+    }
+    /// Distance from the centre to a corner.
+    pub fn radius(&self) -> f32 {
+        if self.is_empty() { 0.0 } else { crate::math::length(self.max - self.min) * 0.5 }
+    }
+    /// Larger by a few units in the last place of the largest coordinate, so that what was computed
+    /// from rounded numbers is inside.
+    pub fn padded(self, by: f32) -> Bounds {
+        let size = self.min.abs().max(self.max.abs()).max_element();
+        let pad = Vec3::splat(by + size * 1e-6);
+        Bounds { min: self.min - pad, max: self.max + pad }
+    }
+}
+
+/// What a tree is built over.
+#[derive(Clone, Copy, Debug)]
+pub struct Item {
+    /// Its box.
+    pub bounds: Bounds,
+    /// What it becomes.
+    pub kind: LeafKind,
+    /// Primitive (triangles), else index into the list of its kind.
+    pub id: u32,
+}
+
+impl Boundable for Item {
+    fn aabb(&self) -> obvhs::aabb::Aabb {
+        let b = self.bounds;
+        obvhs::aabb::Aabb::new(
+            glam::Vec3A::new(b.min.x, b.min.y, b.min.z),
+            glam::Vec3A::new(b.max.x, b.max.y, b.max.z),
+        )
+    }
+}
+
+/// Inner nodes on the way down are at most this many, so that a traversal stack of
+/// `7 * DEPTH_MAX + 1` entries never overflows.
+pub const DEPTH_MAX: usize = 40;
+const _: () = assert!(7 * DEPTH_MAX + 1 <= super::simd::STACK_SIZE);
+
+/// Nodes, root word and triangle blocks over some items.
+pub struct Built {
+    /// Inner nodes.
+    pub nodes: Vec<Node>,
+    /// Word of the root.
+    pub root: u32,
+    /// Triangle blocks.
+    pub blocks: Vec<TriBlock>,
+}
+
+/// Builds a tree. `corners` gives the corners of a triangle by its primitive.
+pub fn build(items: &[Item], corners: &dyn Fn(u32) -> [Vec3; 3]) -> Built {
+    if items.is_empty() {
+        return Built { nodes: vec![], root: EMPTY, blocks: vec![] };
+    }
+    let binary = if items.len() == 1 { Binary::balanced(items) } else { Binary::ploc(items) };
+    let built = Collapse::run(&binary, items, corners);
+    match built {
+        Some(built) => built,
+        // Coincident or nested boxes by the thousand can make a chain of a tree.
+        None => match Collapse::run(&Binary::balanced(items), items, corners) {
+            Some(built) => built,
+            None => unreachable!("a balanced tree over 2^28 items is at most 28 deep"),
+        },
+    }
+}
+
+/// A binary tree with one item in each leaf.
+struct Binary {
+    nodes: Vec<BinaryNode>,
+}
+
+#[derive(Clone, Copy)]
+struct BinaryNode {
+    bounds: Bounds,
+    /// Left child (the right one follows) of an inner node, item of a leaf.
+    first: u32,
+    is_leaf: bool,
+    /// Items below.
+    count: u32,
+    /// All of them are fixed triangles.
+    triangles: bool,
+}
+
+impl Binary {
+    fn ploc(items: &[Item]) -> Binary {
+        let params = BvhBuildParams {
+            max_prims_per_leaf: 1,
+            post_collapse_reinsertion_batch_ratio_multiplier: 0.0,
+            ..BvhBuildParams::medium_build()
+        };
+        let bvh = build_bvh2(items, params, &mut std::time::Duration::default());
+        let from = |n: &Bvh2Node| {
+            let (lo, hi) = (n.aabb.min, n.aabb.max);
+            let is_leaf = n.prim_count > 0;
+            BinaryNode {
+                bounds: Bounds { min: Vec3::new(lo.x, lo.y, lo.z), max: Vec3::new(hi.x, hi.y, hi.z) },
+                first: if is_leaf { bvh.primitive_indices[n.first_index as usize] } else { n.first_index },
+                is_leaf,
+                count: 0,
+                triangles: false,
+            }
+        };
+        let mut tree = Binary { nodes: bvh.nodes.iter().map(from).collect() };
+        tree.count(items);
+        tree
+    }
+
+    /// Halves by index: never deeper than the logarithm.
+    fn balanced(items: &[Item]) -> Binary {
+        let mut tree = Binary { nodes: vec![] };
+        let blank = BinaryNode { bounds: Bounds::default(), first: 0, is_leaf: true, count: 0, triangles: false };
+        tree.nodes.push(blank);
+        let mut todo = vec![(0usize, 0usize, items.len())];
+        while let Some((at, from, to)) = todo.pop() {
+            let bounds = items[from..to].iter().fold(Bounds::default(), |b, i| b.union(i.bounds));
+            if to - from == 1 {
+                tree.nodes[at] = BinaryNode { bounds, first: from as u32, ..blank };
+            } else {
+                let left = tree.nodes.len();
+                tree.nodes.extend([blank, blank]);
+                tree.nodes[at] = BinaryNode { bounds, first: left as u32, is_leaf: false, ..blank };
+                let middle = from + (to - from) / 2;
+                todo.push((left, from, middle));
+                todo.push((left + 1, middle, to));
+            }
+        }
+        tree.count(items);
+        tree
+    }
+
+    /// Fills in `count` and `triangles`, children before parents.
+    fn count(&mut self, items: &[Item]) {
+        let mut order = vec![0u32];
+        let mut i = 0;
+        while i < order.len() {
+            let node = self.nodes[order[i] as usize];
+            if !node.is_leaf {
+                order.extend([node.first, node.first + 1]);
+            }
+            i += 1;
+        }
+        for &at in order.iter().rev() {
+            let node = self.nodes[at as usize];
+            let (count, triangles) = if node.is_leaf {
+                (1, items[node.first as usize].kind == LeafKind::Triangles)
+            } else {
+                let (a, b) = (self.nodes[node.first as usize], self.nodes[node.first as usize + 1]);
+                (a.count + b.count, a.triangles && b.triangles)
+            };
+            self.nodes[at as usize].count = count;
+            self.nodes[at as usize].triangles = triangles;
+        }
+    }
+
+    /// Whether a node becomes a leaf of the wide tree.
+    fn is_wide_leaf(&self, at: u32) -> bool {
+        let node = &self.nodes[at as usize];
+        node.is_leaf || (node.triangles && node.count <= 4)
+    }
+}
+
+struct Collapse<'a> {
+    binary: &'a Binary,
+    items: &'a [Item],
+    corners: &'a dyn Fn(u32) -> [Vec3; 3],
+    out: Built,
+}
+
+impl<'a> Collapse<'a> {
+    /// `None` if the wide tree would be deeper than [`DEPTH_MAX`].
+    fn run(binary: &'a Binary, items: &'a [Item], corners: &'a dyn Fn(u32) -> [Vec3; 3]) -> Option<Built> {
+        let out = Built { nodes: vec![], root: EMPTY, blocks: vec![] };
+        let mut collapse = Collapse { binary, items, corners, out };
+        collapse.out.root = collapse.emit(0, 0)?;
+        Some(collapse.out)
+    }
+
+    /// Emits the subtree below a binary node and returns its word.
+    fn emit(&mut self, at: u32, depth: usize) -> Option<u32> {
+        if self.binary.is_wide_leaf(at) {
+            return Some(self.emit_leaf(at));
+        }
+        if depth >= DEPTH_MAX {
+            return None;
+        }
+        let index = self.out.nodes.len();
+        self.out.nodes.push(Node::empty());
+        let first = self.binary.nodes[at as usize].first;
+        let mut children = vec![first, first + 1];
+        while children.len() < 8 {
+            // Open the largest child that is not a leaf; the first of equals.
+            let mut largest: Option<(usize, f32)> = None;
+            for (i, &child) in children.iter().enumerate() {
+                let area = half_area(&self.binary.nodes[child as usize].bounds);
+                if !self.binary.is_wide_leaf(child) && largest.is_none_or(|(_, a)| area > a) {
+                    largest = Some((i, area));
+                }
+            }
+            let Some((i, _)) = largest else { break };
+            let first = self.binary.nodes[children[i] as usize].first;
+            children[i] = first;
+            children.push(first + 1);
+        }
+        for (slot, &child) in children.iter().enumerate() {
+            let word = self.emit(child, depth + 1)?;
+            let b = self.binary.nodes[child as usize].bounds;
+            let node = &mut self.out.nodes[index];
+            node.children[slot] = word;
+            for axis in 0..3 {
+                node.bounds[2 * axis][slot] = b.min[axis];
+                node.bounds[2 * axis + 1][slot] = b.max[axis];
+            }
+        }
+        Some(index as u32)
+    }
+
+    fn emit_leaf(&mut self, at: u32) -> u32 {
+        let node = self.binary.nodes[at as usize];
+        if !node.triangles {
+            let item = &self.items[node.first as usize];
+            return leaf(item.kind, item.id as usize);
+        }
+        let mut prims = vec![];
+        let mut todo = vec![at];
+        while let Some(n) = todo.pop() {
+            let node = self.binary.nodes[n as usize];
+            if node.is_leaf {
+                prims.push(self.items[node.first as usize].id);
+            } else {
+                todo.extend([node.first, node.first + 1]);
+            }
+        }
+        prims.sort_unstable();
+        let mut block = TriBlock::empty();
+        for (lane, &prim) in prims.iter().enumerate() {
+            block.set(lane, (self.corners)(prim), prim);
+        }
+        self.out.blocks.push(block);
+        leaf(LeafKind::Triangles, self.out.blocks.len() - 1)
+    }
+}
+
+fn half_area(b: &Bounds) -> f32 {
+    let d = b.max - b.min;
+    d.x * d.y + d.y * d.z + d.z * d.x
+}
+
+const _: () = assert!(EMPTY & LEAF != 0);

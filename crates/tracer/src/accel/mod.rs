@@ -1,0 +1,122 @@
+//! What a ray can hit, and finding it.
+
+pub mod build;
+pub mod kernel;
+pub mod node;
+pub mod simd;
+
+pub use simd::SimdLevel;
+
+use crate::geometry::transform::Placement;
+use crate::geometry::{Surface, TriMesh};
+use crate::hash;
+use crate::ray::{Hit, NONE, Ray};
+use crate::texture::{Point, Textures};
+use node::{TriBlock, Tree};
+
+/// A placed group.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// Index into the groups.
+    pub group: u32,
+    /// Group to world.
+    pub placement: Placement,
+}
+
+/// Everything that rays meet.
+pub struct Geometry {
+    /// Instructions of the kernels.
+    pub level: SimdLevel,
+    /// What is in the world directly, and the instances.
+    pub world: Tree,
+    /// Groups.
+    pub groups: Vec<Tree>,
+    /// Instances.
+    pub instances: Vec<Placed>,
+    /// Surfaces of all trees.
+    pub surfaces: Vec<Surface>,
+    /// Meshes of the surfaces.
+    pub meshes: Vec<TriMesh>,
+    /// Textures (coverage is looked up while rays are traced).
+    pub textures: Textures,
+    /// Whether any surface has holes.
+    pub has_alpha: bool,
+}
+
+impl Geometry {
+    /// The closest hit within the ray's end.
+    #[inline]
+    pub fn closest(&self, ray: &Ray) -> Hit {
+        let mut hit = Hit::none(ray.t_max);
+        simd::closest(self.level, self, ray, &mut hit);
+        hit
+    }
+
+    /// Whether anything is hit before the ray's end.
+    #[inline]
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        simd::occluded(self.level, self, ray)
+    }
+
+    /// The tree that a hit's primitive belongs to.
+    #[inline]
+    pub fn tree(&self, instance: u32) -> &Tree {
+        if instance == NONE { &self.world } else { &self.groups[self.instances[instance as usize].group as usize] }
+    }
+
+    /// A block with one deforming triangle as it is at a time.
+    #[cold]
+    pub fn deformed_block(&self, tree: &Tree, prim: u32, time: f32) -> TriBlock {
+        let at = tree.prims[prim as usize];
+        let mesh = &self.meshes[self.surfaces[at.surface as usize].mesh as usize];
+        let mut block = TriBlock::empty();
+        block.set(0, mesh.corners_at(at.index, time), prim);
+        block
+    }
+
+    /// Whether a surface with holes is there at a hit. The random number is keyed by the ray and the
+    /// primitive, so that it depends neither on the visiting order nor on the tree.
+    #[cold]
+    #[inline(never)]
+    pub fn is_solid(&self, tree: &Tree, hit: &Hit, ray: &Ray) -> bool {
+        let at = tree.prims[hit.prim as usize];
+        let surface = &self.surfaces[at.surface as usize];
+        let Some(alpha) = surface.alpha else { return true };
+        let mut point = Point::default();
+        if surface.mesh == NONE {
+            let (shape, _) = &tree.quadrics[at.index as usize];
+            let (origin, direction) = if hit.instance == NONE {
+                (ray.origin, ray.direction)
+            } else {
+                let (_, from) = self.instances[hit.instance as usize].placement.at(ray.time);
+                (from.point(ray.origin), from.vector(ray.direction))
+            };
+            point.uv[0] = shape.point(origin, direction, hit.t).uv;
+        } else {
+            let mesh = &self.meshes[surface.mesh as usize];
+            point.fill(mesh, at.index, hit.u, hit.v);
+        }
+        point.p = ray.origin + ray.direction * hit.t;
+        let alpha = self.textures.float(&alpha, &point);
+        if alpha >= 1.0 {
+            return true;
+        }
+        let mut key = hash::mix(hit.prim as u64 | (hit.instance as u64) << 32);
+        for x in ray.origin.to_array().into_iter().chain(ray.direction.to_array()) {
+            key = hash::mix(key ^ x.to_bits() as u64);
+        }
+        hash::to_unit(key) < alpha
+    }
+
+    /// Memory held.
+    pub fn memory_bytes(&self) -> usize {
+        self.world.memory_bytes()
+            + self.groups.iter().map(Tree::memory_bytes).sum::<usize>()
+            + self.meshes.iter().map(TriMesh::memory_bytes).sum::<usize>()
+            + self.instances.len() * size_of::<Placed>()
+            + self.textures.memory_bytes()
+    }
+}
+
+#[cfg(test)]
+mod tests;

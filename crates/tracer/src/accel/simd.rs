@@ -1,0 +1,462 @@
+//! Lanes of f32 for the traversal kernel: one trait, a scalar twin that is the definition, and x86
+//! versions that give the same bits. The only module with unsafe code.
+//!
+//! No fused multiply-add, no reciprocal estimates: every operation here is one IEEE operation per
+//! lane. `min` and `max` return the second operand when a lane is NaN, as the SSE instructions do.
+
+#![allow(unsafe_code)]
+
+use super::kernel;
+
+/// N lanes of f32.
+pub trait Lanes<const N: usize>: Copy {
+    /// From memory.
+    fn load(from: &[f32; N]) -> Self;
+    /// The same in every lane.
+    fn splat(x: f32) -> Self;
+    /// To memory.
+    fn store(self) -> [f32; N];
+    /// a + b
+    fn add(self, b: Self) -> Self;
+    /// a - b
+    fn sub(self, b: Self) -> Self;
+    /// a * b
+    fn mul(self, b: Self) -> Self;
+    /// a / b
+    fn div(self, b: Self) -> Self;
+    /// a < b ? a : b
+    fn min(self, b: Self) -> Self;
+    /// a > b ? a : b
+    fn max(self, b: Self) -> Self;
+    /// Bit i is set where a <= b in lane i.
+    fn le(self, b: Self) -> u32;
+    /// Sign bit cleared.
+    fn abs(self) -> Self;
+}
+
+/// A choice of instructions.
+pub trait Simd: Copy {
+    /// Eight lanes: the children of a node.
+    type F8: Lanes<8>;
+    /// Four lanes: the triangles of a block.
+    type F4: Lanes<4>;
+}
+
+/// Plain arrays: the definition, and what other processors run.
+#[derive(Clone, Copy)]
+pub struct Scalar;
+impl Simd for Scalar {
+    type F8 = [f32; 8];
+    type F4 = [f32; 4];
+}
+
+impl<const N: usize> Lanes<N> for [f32; N] {
+    #[inline(always)]
+    fn load(from: &[f32; N]) -> Self {
+        *from
+    }
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        [x; N]
+    }
+    #[inline(always)]
+    fn store(self) -> [f32; N] {
+        self
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        std::array::from_fn(|i| self[i] + b[i])
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        std::array::from_fn(|i| self[i] - b[i])
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        std::array::from_fn(|i| self[i] * b[i])
+    }
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        std::array::from_fn(|i| self[i] / b[i])
+    }
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        std::array::from_fn(|i| if self[i] < b[i] { self[i] } else { b[i] })
+    }
+    #[inline(always)]
+    fn max(self, b: Self) -> Self {
+        std::array::from_fn(|i| if self[i] > b[i] { self[i] } else { b[i] })
+    }
+    #[inline(always)]
+    fn le(self, b: Self) -> u32 {
+        (0..N).fold(0, |m, i| m | ((self[i] <= b[i]) as u32) << i)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.map(f32::abs)
+    }
+}
+
+/// Which instructions the kernels use. Chosen once, passed down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SimdLevel {
+    /// Plain arrays.
+    Scalar,
+    /// Two halves of four lanes; every x86-64 has it.
+    Sse2,
+    /// Eight lanes.
+    Avx2,
+    /// Eight lanes with the AVX-512VL encodings and registers.
+    Avx512,
+}
+
+impl SimdLevel {
+    /// As it is written in `BROLLY_SIMD` and in logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            SimdLevel::Scalar => "scalar",
+            SimdLevel::Sse2 => "sse2",
+            SimdLevel::Avx2 => "avx2",
+            SimdLevel::Avx512 => "avx512",
+        }
+    }
+
+    /// By name.
+    pub fn from_name(name: &str) -> Option<SimdLevel> {
+        [SimdLevel::Scalar, SimdLevel::Sse2, SimdLevel::Avx2, SimdLevel::Avx512]
+            .into_iter()
+            .find(|l| l.name() == name)
+    }
+
+    /// The best that this processor runs.
+    pub fn best() -> SimdLevel {
+        #[cfg(target_arch = "x86_64")]
+        {
+            if std::arch::is_x86_feature_detected!("avx512vl")
+                && std::arch::is_x86_feature_detected!("avx512f")
+                && std::arch::is_x86_feature_detected!("avx2")
+            {
+                return SimdLevel::Avx512;
+            }
+            if std::arch::is_x86_feature_detected!("avx2") {
+                return SimdLevel::Avx2;
+            }
+            SimdLevel::Sse2
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        SimdLevel::Scalar
+    }
+
+    /// This level, or the best that this processor runs if that is lower. Levels above are never
+    /// returned, so a kernel entered by level is always one that the processor has.
+    pub fn available(self) -> SimdLevel {
+        self.min(SimdLevel::best())
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Lanes, Simd};
+    use std::arch::x86_64::*;
+
+    // SAFETY, for every block in this module: the types are only used inside functions with the
+    // matching `target_feature` (SSE2 is part of x86-64), which are only entered after
+    // `SimdLevel::available` has found the feature on this processor. Loads and stores are unaligned
+    // ones on arrays of the right length.
+
+    #[derive(Clone, Copy)]
+    pub struct X4(__m128);
+    impl Lanes<4> for X4 {
+        #[inline(always)]
+        fn load(from: &[f32; 4]) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_loadu_ps(from.as_ptr()) })
+        }
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_set1_ps(x) })
+        }
+        #[inline(always)]
+        fn store(self) -> [f32; 4] {
+            let mut to = [0.0; 4];
+            // SAFETY: see the head of the module.
+            unsafe { _mm_storeu_ps(to.as_mut_ptr(), self.0) };
+            to
+        }
+        #[inline(always)]
+        fn add(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_add_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn sub(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_sub_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn mul(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_mul_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn div(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_div_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn min(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_min_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn max(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_max_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn le(self, b: Self) -> u32 {
+            // SAFETY: see the head of the module.
+            unsafe { _mm_movemask_ps(_mm_cmple_ps(self.0, b.0)) as u32 }
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
+        }
+    }
+
+    /// Two halves of four lanes.
+    #[derive(Clone, Copy)]
+    pub struct X44(X4, X4);
+    fn halves(from: &[f32; 8]) -> (&[f32; 4], &[f32; 4]) {
+        let (a, b) = from.split_at(4);
+        match (a.try_into(), b.try_into()) {
+            (Ok(a), Ok(b)) => (a, b),
+            _ => unreachable!("eight is twice four"),
+        }
+    }
+    impl Lanes<8> for X44 {
+        #[inline(always)]
+        fn load(from: &[f32; 8]) -> Self {
+            let (a, b) = halves(from);
+            X44(X4::load(a), X4::load(b))
+        }
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            X44(X4::splat(x), X4::splat(x))
+        }
+        #[inline(always)]
+        fn store(self) -> [f32; 8] {
+            let (a, b) = (self.0.store(), self.1.store());
+            [a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]
+        }
+        #[inline(always)]
+        fn add(self, b: Self) -> Self {
+            X44(self.0.add(b.0), self.1.add(b.1))
+        }
+        #[inline(always)]
+        fn sub(self, b: Self) -> Self {
+            X44(self.0.sub(b.0), self.1.sub(b.1))
+        }
+        #[inline(always)]
+        fn mul(self, b: Self) -> Self {
+            X44(self.0.mul(b.0), self.1.mul(b.1))
+        }
+        #[inline(always)]
+        fn div(self, b: Self) -> Self {
+            X44(self.0.div(b.0), self.1.div(b.1))
+        }
+        #[inline(always)]
+        fn min(self, b: Self) -> Self {
+            X44(self.0.min(b.0), self.1.min(b.1))
+        }
+        #[inline(always)]
+        fn max(self, b: Self) -> Self {
+            X44(self.0.max(b.0), self.1.max(b.1))
+        }
+        #[inline(always)]
+        fn le(self, b: Self) -> u32 {
+            self.0.le(b.0) | self.1.le(b.1) << 4
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            X44(self.0.abs(), self.1.abs())
+        }
+    }
+
+    #[derive(Clone, Copy)]
+    pub struct X8(__m256);
+    impl Lanes<8> for X8 {
+        #[inline(always)]
+        fn load(from: &[f32; 8]) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_loadu_ps(from.as_ptr()) })
+        }
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_set1_ps(x) })
+        }
+        #[inline(always)]
+        fn store(self) -> [f32; 8] {
+            let mut to = [0.0; 8];
+            // SAFETY: see the head of the module.
+            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) };
+            to
+        }
+        #[inline(always)]
+        fn add(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_add_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn sub(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_sub_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn mul(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_mul_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn div(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_div_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn min(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_min_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn max(self, b: Self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_max_ps(self.0, b.0) })
+        }
+        #[inline(always)]
+        fn le(self, b: Self) -> u32 {
+            // SAFETY: see the head of the module.
+            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, b.0)) as u32 }
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
+        }
+    }
+
+    /// Four and four lanes.
+    #[derive(Clone, Copy)]
+    pub struct Sse2;
+    impl Simd for Sse2 {
+        type F8 = X44;
+        type F4 = X4;
+    }
+
+    /// Eight lanes.
+    #[derive(Clone, Copy)]
+    pub struct Avx;
+    impl Simd for Avx {
+        type F8 = X8;
+        type F4 = X4;
+    }
+}
+
+/// Makes an entry point for each level out of a generic kernel and picks one.
+macro_rules! entry {
+    ($(#[$doc:meta])* $name:ident, $kernel:ident, ($($arg:ident : $type:ty),*) -> $ret:ty) => {
+        $(#[$doc])*
+        #[inline]
+        pub fn $name(level: SimdLevel, $($arg: $type),*) -> $ret {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn avx2($($arg: $type),*) -> $ret { kernel::$kernel::<x86::Avx>($($arg),*) }
+                #[target_feature(enable = "avx2,avx512f,avx512vl")]
+                fn avx512($($arg: $type),*) -> $ret { kernel::$kernel::<x86::Avx>($($arg),*) }
+                #[inline(never)]
+                fn sse2($($arg: $type),*) -> $ret { kernel::$kernel::<x86::Sse2>($($arg),*) }
+                match level {
+                    // SAFETY: `SimdLevel::available` has found the features on this processor.
+                    SimdLevel::Avx512 => return unsafe { avx512($($arg),*) },
+                    // SAFETY: as above.
+                    SimdLevel::Avx2 => return unsafe { avx2($($arg),*) },
+                    SimdLevel::Sse2 => return sse2($($arg),*),
+                    SimdLevel::Scalar => {}
+                }
+            }
+            let _ = level;
+            kernel::$kernel::<Scalar>($($arg),*)
+        }
+    };
+}
+
+entry! {
+    /// Closest hit; see [`kernel::closest`].
+    closest, closest, (geometry: &super::Geometry, ray: &crate::ray::Ray, hit: &mut crate::ray::Hit) -> ()
+}
+entry! {
+    /// Any hit; see [`kernel::occluded`].
+    occluded, occluded, (geometry: &super::Geometry, ray: &crate::ray::Ray) -> bool
+}
+
+/// Nodes that a traversal still has to visit, with the distance at which a ray enters them. The
+/// builders bound the depth of a tree so that this is always enough.
+pub struct Stack {
+    items: [std::mem::MaybeUninit<(u32, f32)>; STACK_SIZE],
+    len: usize,
+}
+
+/// Entries of a [`Stack`].
+pub const STACK_SIZE: usize = 320;
+
+impl Stack {
+    /// Empty; the memory is not touched.
+    #[inline(always)]
+    pub fn new() -> Stack {
+        Stack { items: [const { std::mem::MaybeUninit::uninit() }; STACK_SIZE], len: 0 }
+    }
+    /// On top. A full stack means that a builder broke its bound: the process must not go on.
+    #[inline(always)]
+    pub fn push(&mut self, word: u32, t: f32) {
+        self.items[self.len].write((word, t));
+        self.len += 1;
+    }
+    /// From the top.
+    #[inline(always)]
+    pub fn pop(&mut self) -> Option<(u32, f32)> {
+        if self.len == 0 {
+            return None;
+        }
+        self.len -= 1;
+        // SAFETY: every entry below the old length was written by `push`.
+        Some(unsafe { self.items[self.len].assume_init() })
+    }
+    /// Number of entries.
+    #[inline(always)]
+    pub fn len(&self) -> usize {
+        self.len
+    }
+    /// Sorts the entries from `from` up so that the nearest is on top; equal distances keep the
+    /// order of their words, whatever order they were pushed in.
+    #[inline(always)]
+    pub fn sort_from(&mut self, from: usize) {
+        for i in from + 1..self.len {
+            // SAFETY: every entry below the length was written by `push`.
+            let key = unsafe { self.items[i].assume_init() };
+            let mut j = i;
+            while j > from {
+                // SAFETY: as above.
+                let below = unsafe { self.items[j - 1].assume_init() };
+                if below.1 >= key.1 {
+                    break;
+                }
+                self.items[j].write(below);
+                j -= 1;
+            }
+            self.items[j].write(key);
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! The wide tree against brute force, on friendly and on nasty soups, at every SIMD level.
+
+use super::build::{Bounds, Item, build};
+use super::node::{LeafKind, PrimRef, Tree};
+use super::*;
+use crate::ray::{Hit, Ray};
+use glam::Vec3;
+use rand::{Rng, SeedableRng, rngs::StdRng};
+
+type Tri = [Vec3; 3];
+
+fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
+    let mesh = TriMesh {
+        positions: triangles.iter().flatten().copied().collect(),
+        indices: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        ..TriMesh::default()
+    };
+    let items: Vec<Item> = triangles
+        .iter()
+        .enumerate()
+        .map(|(i, t)| Item { bounds: Bounds::of(*t), kind: LeafKind::Triangles, id: i as u32 })
+        .collect();
+    let built = build(&items, &|prim| triangles[prim as usize]);
+    let world = Tree {
+        nodes: built.nodes,
+        root: built.root,
+        blocks: built.blocks,
+        prims: (0..triangles.len() as u32).map(|index| PrimRef { surface: 0, index }).collect(),
+        ..Tree::default()
+    };
+    let surface = Surface { mesh: 0, material: 0, alpha: None, flip: false, first_light: NONE, emission: NONE };
+    Geometry {
+        level,
+        world,
+        groups: vec![],
+        instances: vec![],
+        surfaces: vec![surface],
+        meshes: vec![mesh],
+        textures: Textures::default(),
+        has_alpha: false,
+    }
+}
+
+/// The same test as the kernel's, one triangle after the other, without a tree.
+fn brute(triangles: &[Tri], ray: &Ray) -> Hit {
+    let mut best = Hit::none(ray.t_max);
+    for (i, t) in triangles.iter().enumerate() {
+        let mut lone = geometry(std::slice::from_ref(t), SimdLevel::Scalar);
+        lone.world.nodes.clear();
+        let hit = lone.closest(&Ray { t_max: best.t, ..*ray });
+        if hit.is_some() && hit.t < best.t {
+            best = Hit { prim: i as u32, ..hit };
+        }
+    }
+    best
+}
+
+fn levels() -> Vec<SimdLevel> {
+    [SimdLevel::Scalar, SimdLevel::Sse2, SimdLevel::Avx2, SimdLevel::Avx512]
+        .into_iter()
+        .filter(|l| *l <= SimdLevel::best())
+        .collect()
+}
+
+fn point(rng: &mut StdRng, size: f32) -> Vec3 {
+    Vec3::new(rng.random_range(-size..size), rng.random_range(-size..size), rng.random_range(-size..size))
+}
+
+fn rays(rng: &mut StdRng, count: usize, triangles: &[Tri]) -> Vec<Ray> {
+    (0..count)
+        .map(|i| {
+            let origin = point(rng, 3.0);
+            let direction = match i % 4 {
+                // Towards a random direction, along an axis, at a corner, at an edge.
+                0 => point(rng, 1.0),
+                1 => [Vec3::X, Vec3::NEG_Y, Vec3::Z][i / 4 % 3],
+                2 => triangles[i % triangles.len()][i % 3] - origin,
+                _ => (triangles[i % triangles.len()][0] + triangles[i % triangles.len()][1]) * 0.5 - origin,
+            };
+            Ray::new(origin, if direction == Vec3::ZERO { Vec3::X } else { direction }, 0.0)
+        })
+        .collect()
+}
+
+fn check(name: &str, triangles: &[Tri], rays: &[Ray]) {
+    let trees: Vec<Geometry> = levels().into_iter().map(|l| geometry(triangles, l)).collect();
+    for (i, ray) in rays.iter().enumerate() {
+        let expected = brute(triangles, ray);
+        for tree in &trees {
+            let hit = tree.closest(ray);
+            assert_eq!(hit, expected, "{name}, ray {i} {ray:?} at {:?}", tree.level);
+            assert_eq!(tree.occluded(ray), hit.is_some(), "{name}, ray {i} {ray:?} at {:?}", tree.level);
+            if hit.is_some() {
+                let short = Ray { t_max: hit.t, ..*ray };
+                assert!(!tree.occluded(&short), "{name}, ray {i}: the end of a ray is not part of it");
+            }
+        }
+    }
+}
+
+#[test]
+fn equals_brute_force_on_soups() {
+    let mut rng = StdRng::seed_from_u64(1);
+    for count in [1, 2, 3, 4, 5, 9, 36, 300] {
+        let soup: Vec<Tri> = (0..count)
+            .map(|_| {
+                let p = point(&mut rng, 2.0);
+                [p, p + point(&mut rng, 0.8), p + point(&mut rng, 0.8)]
+            })
+            .collect();
+        let rays = rays(&mut rng, 400, &soup);
+        check(&format!("soup of {count}"), &soup, &rays);
+    }
+}
+
+#[test]
+fn equals_brute_force_on_nasty_soups() {
+    let mut rng = StdRng::seed_from_u64(2);
+    let p = |x: f32, y: f32, z: f32| Vec3::new(x, y, z);
+    let coincident = vec![[p(0.0, 0.0, 0.0), p(1.0, 0.0, 0.0), p(0.0, 1.0, 0.0)]; 70];
+    let mut nested: Vec<Tri> = vec![];
+    let mut slivers: Vec<Tri> = vec![];
+    let mut flat: Vec<Tri> = vec![];
+    for i in 0..60 {
+        let s = crate::math::powf(1.3, i as f32 * -0.5);
+        nested.push([p(-s, -s, s), p(s, -s, s), p(0.0, s, -s)]);
+        let q = point(&mut rng, 2.0);
+        slivers.push([q, q + p(1.0, 1e-6, 0.0), q + p(2.0, 0.0, 1e-6)]);
+        flat.push([q * p(1.0, 1.0, 0.0), (q + p(0.5, 0.0, 0.0)) * p(1.0, 1.0, 0.0), (q + p(0.0, 0.5, 0.0)) * p(1.0, 1.0, 0.0)]);
+    }
+    let points: Vec<Tri> = (0..20).map(|_| [point(&mut rng, 1.0); 3]).collect();
+    for (name, soup) in
+        [("coincident", coincident), ("nested", nested), ("slivers", slivers), ("flat", flat), ("points", points)]
+    {
+        let rays = rays(&mut rng, 300, &soup);
+        check(name, &soup, &rays);
+    }
+}
+
+/// No ray from inside a closed mesh gets out, at edges and corners least of all.
+#[test]
+fn closed_meshes_do_not_leak() {
+    for (scale, center) in [(1.0, Vec3::ZERO), (1e-3, Vec3::splat(0.5)), (1e4, Vec3::new(-7e4, 0.0, 3e4))] {
+        let mut sphere: Vec<Tri> = vec![];
+        let (rows, columns) = (24u32, 48u32);
+        let at = |i: u32, j: u32| {
+            let (s, c) = crate::math::sin_cos_2pi((j % columns) as f32 / columns as f32);
+            let (r, z) = crate::math::sin_cos_2pi(i as f32 / rows as f32 * 0.499_999_9);
+            let r = if i == 0 || i == rows { 0.0 } else { r };
+            center + Vec3::new(r * c, r * s, z) * scale
+        };
+        for i in 0..rows {
+            for j in 0..columns {
+                let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+                sphere.extend([[a, b, c], [a, c, d]]);
+            }
+        }
+        let tree = geometry(&sphere, SimdLevel::best());
+        let mut rng = StdRng::seed_from_u64(3);
+        for i in 0..200_000usize {
+            let origin = center + point(&mut rng, 0.3 * scale);
+            let t = &sphere[i % sphere.len()];
+            let target = match i % 5 {
+                0 => t[i % 3],
+                1 => (t[0] + t[1]) * 0.5,
+                2 => t[0] * 0.25 + t[2] * 0.75,
+                3 => (t[1] + t[2]) * 0.5,
+                _ => center + point(&mut rng, scale),
+            };
+            let ray = Ray::new(origin, target - origin, 0.0);
+            if target != origin {
+                assert!(tree.closest(&ray).is_some(), "leak {i} at scale {scale}: {ray:?}");
+                assert!(tree.occluded(&ray), "shadow leak {i} at scale {scale}: {ray:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_is_hit_in_nothing() {
+    let empty = geometry(&[], SimdLevel::best());
+    let ray = Ray::new(Vec3::ZERO, Vec3::X, 0.0);
+    assert!(!empty.closest(&ray).is_some() && !empty.occluded(&ray));
+}

@@ -1,0 +1,130 @@
+//! Integrators: from a camera sample to what it brings. The seam is a unit, not a ray (see
+//! `render.rs`); inside it each sample is computed by one of these functions.
+
+pub mod debug;
+pub mod direct;
+pub mod path;
+pub mod whitted;
+
+use crate::geometry::Interaction;
+use crate::light::{Light, LightSample};
+use crate::material::Shading;
+use crate::math::Rgb;
+use crate::ray::Ray;
+use crate::scene::Scene;
+use film::{Counters, LayerSample};
+use glam::{Vec2, Vec3};
+
+/// What a sample has gathered beside radiance: the layers of its first surface.
+#[derive(Clone, Copy)]
+pub(crate) struct First {
+    pub alpha: f32,
+    pub albedo: Rgb,
+    pub normal: Vec3,
+    pub depth: f32,
+}
+
+impl First {
+    pub(crate) const NOTHING: First =
+        First { alpha: 0.0, albedo: Rgb::ZERO, normal: Vec3::ZERO, depth: f32::INFINITY };
+
+    pub(crate) fn surface(it: &Interaction, shading: &Shading, wo: Vec3, depth: f32) -> First {
+        First {
+            alpha: 1.0,
+            albedo: shading.bsdf.albedo(shading.frame.to_local(wo)),
+            normal: if shading.frame.n.dot(wo) < 0.0 && it.ng.dot(wo) < 0.0 { -shading.frame.n } else { shading.frame.n },
+            depth,
+        }
+    }
+
+    /// A surface that only shines or lets pass.
+    pub(crate) fn bare(it: &Interaction, depth: f32) -> First {
+        First { alpha: 1.0, albedo: Rgb::ZERO, normal: it.ns, depth }
+    }
+
+    pub(crate) fn with(self, radiance: Rgb) -> LayerSample {
+        LayerSample {
+            beauty: radiance.to_array(),
+            alpha: self.alpha,
+            albedo: self.albedo.to_array(),
+            normal: self.normal.to_array(),
+            depth: self.depth,
+        }
+    }
+}
+
+/// Weight of one of two ways to sample the same thing [Veach95], power heuristic.
+#[inline(always)]
+pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
+    if a == f32::INFINITY {
+        return 1.0;
+    }
+    // Through the ratio, so that large densities do not overflow.
+    let r = b / a;
+    1.0 / (1.0 + r * r)
+}
+
+/// Light sent to `wo` from a sampled light, weighted against sampling the BSDF.
+#[inline]
+pub(crate) fn sampled_light(
+    scene: &Scene,
+    it: &Interaction,
+    shading: &Shading,
+    wo_local: Vec3,
+    u_choice: f32,
+    u: Vec2,
+    counters: &mut Counters,
+) -> Rgb {
+    let Some((light, pmf)) = scene.lights.choose(u_choice) else { return Rgb::ZERO };
+    let textures = &scene.geometry.textures;
+    let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, u) else { return Rgb::ZERO };
+    let wi = shading.frame.to_local(sample.wi);
+    let (f, pdf_bsdf) = shading.bsdf.eval_pdf(wo_local, wi);
+    if f == Rgb::ZERO {
+        return Rgb::ZERO;
+    }
+    let pdf = sample.pdf * pmf;
+    let weight = if sample.delta { 1.0 } else { power_heuristic(pdf, pdf_bsdf) };
+    let l = f * sample.li * (weight / pdf);
+    if l == Rgb::ZERO || is_shadowed(scene, it, &sample, counters) {
+        return Rgb::ZERO;
+    }
+    l
+}
+
+/// Whether something stands between a point and a light sample.
+#[inline]
+pub(crate) fn is_shadowed(scene: &Scene, it: &Interaction, sample: &LightSample, counters: &mut Counters) -> bool {
+    counters.shadow_rays += 1;
+    let ray = match sample.target {
+        Some(q) => it.spawn_to(q),
+        None => it.spawn(sample.wi),
+    };
+    scene.occluded(&ray)
+}
+
+/// Radiance from infinity along a ray; with `mis` = (pdf of the direction), each environment is
+/// weighted against sampling it as a light.
+#[inline]
+pub(crate) fn from_infinity(scene: &Scene, ray: &Ray, pdf_bsdf: Option<f32>) -> Rgb {
+    let mut sum = Rgb::ZERO;
+    for &index in &scene.lights.environments {
+        let Light::Environment(e) = &scene.lights.lights[index as usize] else { continue };
+        let le = e.le(&scene.geometry.textures.images, ray.direction);
+        let weight = match pdf_bsdf {
+            None => 1.0,
+            Some(pdf) => power_heuristic(pdf, scene.lights.pmf(index) * e.pdf(ray.direction)),
+        };
+        sum += le * weight;
+    }
+    sum
+}
+
+/// Alpha of a camera ray that meets nothing: the sky covers, unless it is hidden or absent.
+pub(crate) fn sky_alpha(scene: &Scene) -> f32 {
+    let seen = scene.lights.environments.iter().any(|i| match &scene.lights.lights[*i as usize] {
+        Light::Environment(e) => !e.hidden,
+        _ => false,
+    });
+    if seen { 1.0 } else { 0.0 }
+}

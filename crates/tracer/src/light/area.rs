@@ -1,0 +1,270 @@
+//! Shining surfaces: triangles, parallelograms, spheres, disks. Spheres are sampled by solid angle
+//! (the cone that they fill), the others by area.
+
+use super::LightSample;
+use crate::geometry::Interaction;
+use crate::math::{self, Frame, Rgb};
+use crate::ray::NONE;
+use crate::sampling;
+use crate::texture::{Point, Textures};
+use glam::{Vec2, Vec3};
+use scene::model::ColorTex;
+
+/// What a surface gives off.
+#[derive(Clone, Copy, Debug)]
+pub struct Emission {
+    /// Radiance.
+    pub radiance: ColorTex,
+    /// Factor.
+    pub scale: f32,
+    /// Both sides shine.
+    pub two_sided: bool,
+}
+
+impl Emission {
+    /// Radiance at a point on the side `cos` > 0 of the geometric normal, or the other.
+    #[inline]
+    pub fn le(&self, textures: &Textures, at: &Point, cos: f32) -> Rgb {
+        if cos > 0.0 || (self.two_sided && cos < 0.0) {
+            textures.color(&self.radiance, at) * self.scale
+        } else {
+            Rgb::ZERO
+        }
+    }
+}
+
+/// A shining shape in world space.
+pub struct AreaLight {
+    /// Geometry.
+    pub shape: AreaShape,
+    /// Index into the emissions.
+    pub emission: u32,
+}
+
+/// Geometry of a shining shape. Normals are unit vectors on the outside.
+pub enum AreaShape {
+    /// A triangle with the texture coordinates of its corners.
+    Triangle {
+        /// First corner and the edges from it.
+        p: Vec3,
+        /// To the second corner.
+        e1: Vec3,
+        /// To the third corner.
+        e2: Vec3,
+        /// Normal.
+        n: Vec3,
+        /// Area.
+        area: f32,
+        /// Texture coordinates of the corners.
+        uv: [Vec2; 3],
+    },
+    /// p + a e1 + b e2 for a, b in [0, 1].
+    Parallelogram {
+        /// Corner.
+        p: Vec3,
+        /// One edge.
+        e1: Vec3,
+        /// The other.
+        e2: Vec3,
+        /// Normal.
+        n: Vec3,
+        /// Area.
+        area: f32,
+    },
+    /// A round sphere.
+    Sphere {
+        /// Centre.
+        center: Vec3,
+        /// Radius.
+        radius: f32,
+        /// The inside is the outside.
+        inward: bool,
+    },
+    /// A disk with two half axes, maybe with a hole.
+    Disk {
+        /// Centre.
+        center: Vec3,
+        /// Half axis.
+        a: Vec3,
+        /// Half axis.
+        b: Vec3,
+        /// Normal.
+        n: Vec3,
+        /// Area, without the hole.
+        area: f32,
+        /// Radius of the hole over the radius.
+        hole: f32,
+    },
+}
+
+/// Below this 1 - cos a cone is so narrow that its sphere is sampled like a distant disk.
+const CONE_MIN: f32 = 1e-9;
+
+impl AreaLight {
+    /// Surface area.
+    pub fn area(&self) -> f32 {
+        match &self.shape {
+            AreaShape::Triangle { area, .. }
+            | AreaShape::Parallelogram { area, .. }
+            | AreaShape::Disk { area, .. } => *area,
+            AreaShape::Sphere { radius, .. } => 4.0 * math::PI * radius * radius,
+        }
+    }
+
+    /// Emitted power; a texture is averaged over a few points.
+    pub fn power(&self, emissions: &[Emission], textures: &Textures) -> Rgb {
+        let emission = &emissions[self.emission as usize];
+        let mut sum = Rgb::ZERO;
+        const GRID: usize = 4;
+        for i in 0..GRID * GRID {
+            let u = Vec2::new((i % GRID) as f32 + 0.5, (i / GRID) as f32 + 0.5) / GRID as f32;
+            let mut point = Point::default();
+            point.uv = [self.uv_at(u); 2];
+            sum += textures.color(&emission.radiance, &point);
+        }
+        let sides = if emission.two_sided { 2.0 } else { 1.0 };
+        sum * (emission.scale * self.area() * math::PI * sides / (GRID * GRID) as f32)
+    }
+
+    fn uv_at(&self, u: Vec2) -> Vec2 {
+        match &self.shape {
+            AreaShape::Triangle { uv, .. } => {
+                let b = sampling::uniform_triangle(u);
+                uv[0] * (1.0 - b.x - b.y) + uv[1] * b.x + uv[2] * b.y
+            }
+            _ => u,
+        }
+    }
+
+    /// Samples a point that may shine on `from`.
+    #[inline]
+    pub fn sample_li(
+        &self,
+        textures: &Textures,
+        emissions: &[Emission],
+        from: Vec3,
+        u: Vec2,
+    ) -> Option<LightSample> {
+        let emission = &emissions[self.emission as usize];
+        let mut point = Point::default();
+        let (q, n, pdf_area) = match &self.shape {
+            AreaShape::Triangle { p, e1, e2, n, area, uv } => {
+                let b = sampling::uniform_triangle(u);
+                point.uv = [uv[0] * (1.0 - b.x - b.y) + uv[1] * b.x + uv[2] * b.y; 2];
+                (*p + *e1 * b.x + *e2 * b.y, *n, 1.0 / area)
+            }
+            AreaShape::Parallelogram { p, e1, e2, n, area } => (*p + *e1 * u.x + *e2 * u.y, *n, 1.0 / area),
+            AreaShape::Disk { center, a, b, n, area, hole } => {
+                let d = sampling::uniform_disk_concentric(u);
+                let r2 = d.dot(d);
+                // Area-preserving push out of the hole.
+                let r = (hole * hole + (1.0 - hole * hole) * r2).sqrt();
+                let d = if r2 > 0.0 { d * (r / r2.sqrt()) } else { Vec2::new(r, 0.0) };
+                (*center + *a * d.x + *b * d.y, *n, 1.0 / area)
+            }
+            AreaShape::Sphere { center, radius, inward } => {
+                return sphere_sample(*center, *radius, *inward, emission, textures, from, u);
+            }
+        };
+        let d = q - from;
+        let distance2 = d.dot(d);
+        if distance2 == 0.0 {
+            return None;
+        }
+        let wi = d * (1.0 / distance2.sqrt());
+        let cos = -n.dot(wi);
+        point.p = q;
+        let li = emission.le(textures, &point, cos);
+        let pdf = pdf_area * distance2 / cos.abs();
+        (li != Rgb::ZERO && pdf < f32::INFINITY).then_some(LightSample {
+            wi,
+            target: Some(q),
+            li,
+            pdf,
+            delta: false,
+        })
+    }
+
+    /// Density per solid angle, from `from`, of the point `on` this light.
+    #[inline]
+    pub fn pdf_li(&self, from: Vec3, on: &Interaction) -> f32 {
+        if let AreaShape::Sphere { center, radius, .. } = &self.shape
+            && let Some(one_minus_cos) = cone(*center, *radius, from)
+        {
+            return sampling::uniform_cone_pdf(one_minus_cos);
+        }
+        let d = on.p - from;
+        let distance2 = d.dot(d);
+        let cos = on.ng.dot(d).abs() / distance2.sqrt();
+        if cos > 0.0 { distance2 / (cos * self.area()) } else { 0.0 }
+    }
+}
+
+/// 1 - cos of the half angle that a sphere fills as seen from outside; `None` from inside.
+fn cone(center: Vec3, radius: f32, from: Vec3) -> Option<f32> {
+    let d = center - from;
+    let (d2, r2) = (d.dot(d), radius * radius);
+    if d2 <= r2 * 1.000_01 {
+        return None;
+    }
+    let sin2 = r2 / d2;
+    let one_minus_cos = sin2 / (1.0 + (1.0 - sin2).sqrt());
+    Some(one_minus_cos.max(CONE_MIN))
+}
+
+fn sphere_sample(
+    center: Vec3,
+    radius: f32,
+    inward: bool,
+    emission: &Emission,
+    textures: &Textures,
+    from: Vec3,
+    u: Vec2,
+) -> Option<LightSample> {
+    let to_center = center - from;
+    let (wi, q, pdf) = match cone(center, radius, from) {
+        Some(one_minus_cos) => {
+            let distance = math::length(to_center);
+            let frame = Frame::from_normal(to_center * (1.0 / distance));
+            let local = sampling::uniform_cone(u, one_minus_cos);
+            let wi = frame.to_world(local);
+            // Distance to the near side along wi.
+            let sin2 = (1.0 - local.z * local.z).max(0.0);
+            let t = distance * local.z - math::safe_sqrt(radius * radius - distance * distance * sin2);
+            let on = from + wi * t;
+            let n = math::normalize(on - center);
+            (wi, center + n * radius, sampling::uniform_cone_pdf(one_minus_cos))
+        }
+        None => {
+            let n = sampling::uniform_sphere(u);
+            let q = center + n * radius;
+            let d = q - from;
+            let distance2 = d.dot(d);
+            if distance2 == 0.0 {
+                return None;
+            }
+            let wi = d * (1.0 / distance2.sqrt());
+            let pdf = distance2 / (n.dot(wi).abs() * 4.0 * math::PI * radius * radius);
+            (wi, q, pdf)
+        }
+    };
+    let n = math::normalize(q - center) * if inward { -1.0 } else { 1.0 };
+    let mut point = Point::default();
+    point.p = q;
+    if let ColorTex::Texture(_) = emission.radiance {
+        // Texture coordinates of a sphere are those of its own axes, which only the surface knows;
+        // textured spheres are not registered as lights (see `prepare`).
+        return None;
+    }
+    let li = emission.le(textures, &point, -n.dot(wi));
+    (li != Rgb::ZERO && pdf > 0.0 && pdf < f32::INFINITY).then_some(LightSample {
+        wi,
+        target: Some(q),
+        li,
+        pdf,
+        delta: false,
+    })
+}
+
+/// The light of a primitive that shines but cannot be sampled.
+pub const UNSAMPLED: u32 = NONE;

@@ -1,0 +1,166 @@
+//! Light from all around: a constant, or a picture sampled in proportion to its brightness.
+
+use super::octahedral;
+use crate::geometry::transform::Affine;
+use crate::math::{self, Rgb};
+use crate::sampling::{self, Piecewise2d};
+use crate::texture::image::Image;
+use glam::{Vec2, Vec3};
+use scene::model::{SphereMapping, Wrap};
+
+/// An environment ready for use.
+pub struct Environment {
+    /// Light to world (a rotation, perhaps mirrored).
+    to_world: Affine,
+    from_world: Affine,
+    /// Radiance, or factor on the picture.
+    radiance: Rgb,
+    picture: Option<Picture>,
+    /// Alpha is 0 where it is seen directly.
+    pub hidden: bool,
+}
+
+struct Picture {
+    image: usize,
+    mapping: SphereMapping,
+    distribution: Piecewise2d,
+    mean: Rgb,
+}
+
+impl Environment {
+    /// Tabulates the picture's brightness.
+    pub fn new(
+        transform: &glam::DAffine3,
+        radiance: Rgb,
+        image: Option<(usize, SphereMapping)>,
+        images: &[Image],
+        hidden: bool,
+    ) -> Environment {
+        let linear = glam::DAffine3 { matrix3: transform.matrix3, translation: glam::DVec3::ZERO };
+        let picture = image.map(|(index, mapping)| {
+            let picture = &images[index];
+            let (w, h) = (picture.width as usize, picture.height as usize);
+            let mut values = Vec::with_capacity(w * h);
+            let mut mean = [0.0f64; 3];
+            let mut total = 0.0f64;
+            for y in 0..h {
+                // Solid angle of a row's pixels.
+                let area = match mapping {
+                    SphereMapping::LatLong => libm::sin(std::f64::consts::PI * (y as f64 + 0.5) / h as f64),
+                    SphereMapping::OctahedralEqualArea => 1.0,
+                };
+                for x in 0..w {
+                    // What a lookup in the pixel can return: for filtered pictures its neighbours too.
+                    let texel = match mapping {
+                        SphereMapping::OctahedralEqualArea => rgb(picture.texel(x, y)),
+                        SphereMapping::LatLong => {
+                            let at = |dx: i64, dy: i64| {
+                                let i = (x as i64 + dx).rem_euclid(w as i64) as usize;
+                                let j = (y as i64 + dy).clamp(0, h as i64 - 1) as usize;
+                                rgb(picture.texel(i, j))
+                            };
+                            at(0, 0) * 0.5 + (at(-1, 0) + at(1, 0) + at(0, -1) + at(0, 1)) * 0.125
+                        }
+                    };
+                    let value = (texel * radiance).max_element().max(0.0);
+                    values.push((value as f64 * area) as f32);
+                    for (sum, c) in mean.iter_mut().zip(texel.to_array()) {
+                        *sum += c as f64 * area;
+                    }
+                    total += area;
+                }
+            }
+            let mean = Rgb::from_array(mean.map(|c| (c / total) as f32));
+            Picture { image: index, mapping, distribution: Piecewise2d::new(&values, w, h), mean }
+        });
+        Environment {
+            to_world: Affine::new(&linear),
+            from_world: Affine::new(&linear.inverse()),
+            radiance,
+            picture,
+            hidden,
+        }
+    }
+
+    /// Mean radiance over the sphere.
+    pub fn mean(&self) -> Rgb {
+        self.picture.as_ref().map_or(self.radiance, |p| p.mean * self.radiance)
+    }
+
+    /// Radiance from a direction.
+    pub fn le(&self, images: &[Image], direction: Vec3) -> Rgb {
+        let Some(picture) = &self.picture else { return self.radiance };
+        let w = math::normalize(self.from_world.vector(direction));
+        let uv = square(picture.mapping, w);
+        self.radiance * look(&images[picture.image], picture.mapping, uv)
+    }
+
+    /// A direction, the radiance from there and its density per solid angle.
+    pub fn sample(&self, images: &[Image], u: Vec2) -> Option<(Vec3, Rgb, f32)> {
+        let Some(picture) = &self.picture else {
+            return Some((sampling::uniform_sphere(u), self.radiance, sampling::uniform_sphere_pdf()));
+        };
+        let (uv, pdf) = picture.distribution.sample(u);
+        let (w, jacobian) = match picture.mapping {
+            SphereMapping::OctahedralEqualArea => (octahedral::to_sphere(uv), 0.25 / math::PI),
+            SphereMapping::LatLong => {
+                let (sin_theta, cos_theta) = math::sin_cos_2pi((uv.y * 0.5).min(0.499_999_97));
+                // u = .5 + atan2(z, x) / 2 pi.
+                let (s, c) = math::sin_cos_2pi(uv.x - uv.x.floor());
+                (Vec3::new(-c * sin_theta, cos_theta, -s * sin_theta), latlong_jacobian(sin_theta))
+            }
+        };
+        let pdf = pdf * jacobian;
+        if !(pdf > 0.0 && pdf < f32::INFINITY) {
+            return None;
+        }
+        let radiance = self.radiance * look(&images[picture.image], picture.mapping, uv);
+        Some((math::normalize(self.to_world.vector(w)), radiance, pdf))
+    }
+
+    /// Density of [`Environment::sample`] per solid angle.
+    pub fn pdf(&self, direction: Vec3) -> f32 {
+        let Some(picture) = &self.picture else { return sampling::uniform_sphere_pdf() };
+        let w = math::normalize(self.from_world.vector(direction));
+        let uv = square(picture.mapping, w);
+        let jacobian = match picture.mapping {
+            SphereMapping::OctahedralEqualArea => 0.25 / math::PI,
+            SphereMapping::LatLong => latlong_jacobian(math::safe_sqrt(1.0 - w.y * w.y)),
+        };
+        let pdf = picture.distribution.pdf(uv) * jacobian;
+        if pdf < f32::INFINITY { pdf } else { 0.0 }
+    }
+}
+
+fn latlong_jacobian(sin_theta: f32) -> f32 {
+    1.0 / (2.0 * math::PI * math::PI * sin_theta)
+}
+
+fn rgb(t: [f32; 4]) -> Rgb {
+    Rgb::new(t[0], t[1], t[2])
+}
+
+/// Picture coordinates of a direction in light space, y from the top row.
+fn square(mapping: SphereMapping, w: Vec3) -> Vec2 {
+    match mapping {
+        SphereMapping::OctahedralEqualArea => octahedral::to_square(w),
+        SphereMapping::LatLong => Vec2::new(
+            0.5 + math::atan2(w.z, w.x) * (0.5 / math::PI),
+            math::acos(w.y.clamp(-1.0, 1.0)) / math::PI,
+        ),
+    }
+}
+
+/// Octahedral pictures are not filtered (as in pbrt); lat-long ones are, across the seam too.
+fn look(image: &Image, mapping: SphereMapping, uv: Vec2) -> Rgb {
+    match mapping {
+        SphereMapping::OctahedralEqualArea => {
+            let x = ((uv.x * image.width as f32) as usize).min(image.width as usize - 1);
+            let y = ((uv.y * image.height as f32) as usize).min(image.height as usize - 1);
+            rgb(image.texel(x, y))
+        }
+        SphereMapping::LatLong => {
+            rgb(image.lookup(Vec2::new(uv.x, 1.0 - uv.y), (Wrap::Repeat, Wrap::Clamp), false))
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! The compile step: from a description to a [`Scene`] with trees, tables and decoded pictures.
+//!
+//! Static shapes are placed once and for all; what moves becomes an instance. Work is spread over
+//! threads by whole pictures, meshes and trees, so that the number of threads changes no bit.
+
+mod lights;
+mod trees;
+
+use crate::accel::{Geometry, SimdLevel};
+use crate::camera::Camera;
+use crate::camera::filter::FilterSampler;
+use crate::light::{Light, Lights, environment::Environment};
+use crate::material::{Material, Materials};
+use crate::math::{self, Rgb};
+use crate::scene::Scene;
+use crate::texture::Textures;
+use crate::texture::image::Image;
+use crate::{PrepareError, PrepareSettings, StopFlag};
+use ::scene::model::{self, SceneDesc};
+use ::scene::AssetSource;
+use film::TileGrid;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// Compiles a description into a [`Scene`].
+pub fn prepare(
+    desc: &SceneDesc,
+    assets: &dyn AssetSource,
+    settings: &PrepareSettings,
+    stop: &StopFlag,
+) -> Result<Scene, PrepareError> {
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(settings.threads.max(1))
+        .build()
+        .map_err(|e| PrepareError::Scene(format!("the threads for the preparation did not start: {e}")))?;
+    pool.install(|| compile(desc, assets, settings, stop))
+}
+
+fn compile(
+    desc: &SceneDesc,
+    assets: &dyn AssetSource,
+    settings: &PrepareSettings,
+    stop: &StopFlag,
+) -> Result<Scene, PrepareError> {
+    let open_at = desc.animation.map_or(0.0, |a| a.start + settings.frame as f64 / a.fps);
+    let film = &desc.film;
+    let camera = Camera::new(&desc.camera, [film.width, film.height], open_at);
+
+    let images: Vec<Image> = desc
+        .images
+        .par_iter()
+        .map(|image| if stop.is_stopped() { Err(PrepareError::Stopped) } else { Image::load(image, assets) })
+        .collect::<Result<_, _>>()?;
+    let textures = Textures { nodes: desc.textures.clone(), images };
+
+    let list: Vec<Material> = desc.materials.par_iter().map(Material::new).collect();
+    let mut materials = Materials { list };
+    materials.propagate_tangents();
+
+    let placed = trees::build(desc, camera.shutter, stop)?;
+    let bounds = placed.world.bounds;
+    let (mut lights, light_of, surfaces) = lights::areas(desc, &placed);
+    let radius = if bounds.is_empty() { 1.0 } else { bounds.radius().max(1e-6) };
+    for light in &desc.lights {
+        lights.push(convert(light, &textures.images));
+    }
+    let emissions = placed.emissions;
+    let lights = Lights::new(lights, light_of, emissions, &textures, radius);
+    let has_alpha = surfaces.iter().any(|s| s.alpha.is_some());
+    let geometry = Geometry {
+        level: SimdLevel::Scalar,
+        world: placed.world,
+        groups: placed.groups,
+        instances: placed.instances,
+        surfaces,
+        meshes: placed.meshes,
+        textures,
+        has_alpha,
+    };
+    let [x0, y0, x1, y1] = film.crop.unwrap_or([0, 0, film.width, film.height]);
+    Ok(Scene {
+        geometry: Geometry { level: crate::simd(), ..geometry },
+        materials,
+        lights,
+        camera,
+        filter: FilterSampler::new(&film.filter),
+        integrator: desc.integrator,
+        sampler: desc.sampler,
+        seed: settings.seed,
+        frame: settings.frame,
+        grid: TileGrid { width: x1 - x0, height: y1 - y0 },
+        full_size: [film.width, film.height],
+        crop_origin: [x0, y0],
+        exposure: Rgb::from_array(film.exposure),
+        max_component: film.max_component.unwrap_or(f32::INFINITY),
+        clamp_indirect: settings.clamp_indirect.unwrap_or(f32::INFINITY),
+    })
+}
+
+fn convert(light: &model::Light, images: &[Image]) -> Light {
+    let v = |d: DVec3| Vec3::new(d.x as f32, d.y as f32, d.z as f32);
+    match light {
+        model::Light::Point { transform, intensity } => {
+            Light::Point { p: v(transform.translation), intensity: Rgb::from_array(*intensity) }
+        }
+        model::Light::Spot { transform, intensity, cone_angle, full_angle, falloff } => Light::Spot {
+            p: v(transform.translation),
+            axis: math::normalize(v(transform.matrix3.z_axis)),
+            intensity: Rgb::from_array(*intensity),
+            cos_outer: libm::cos(cone_angle.to_radians()) as f32,
+            cos_inner: libm::cos(full_angle.to_radians()) as f32,
+            falloff: *falloff,
+        },
+        model::Light::Distant { direction, irradiance } => Light::Distant {
+            towards: math::normalize(v(-*direction)),
+            irradiance: Rgb::from_array(*irradiance),
+        },
+        model::Light::Environment { transform, radiance, image, hidden } => Light::Environment(Environment::new(
+            transform,
+            Rgb::from_array(*radiance),
+            image.map(|(id, mapping)| (id.index(), mapping)),
+            images,
+            *hidden,
+        )),
+    }
+}

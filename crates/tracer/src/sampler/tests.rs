@@ -1,0 +1,81 @@
+use super::*;
+use scene::model::SamplerKind::{Independent, OwenSobol, Stratified};
+
+fn points(kind: SamplerKind, count: u32, dimension: u32, pixel: [u32; 2]) -> Vec<Vec2> {
+    (0..count)
+        .map(|i| {
+            let mut s = Sampler::start(kind, 7, 0, pixel, i);
+            let mut p = Vec2::ZERO;
+            for _ in 0..=dimension {
+                p = s.next_2d();
+            }
+            p
+        })
+        .collect()
+}
+
+/// Every pair of an aligned block of 2^m points is a (0, m, 2)-net: one point in each elementary
+/// interval of area 2^-m.
+#[test]
+fn sobol_pairs_are_nets() {
+    for dimension in [0, 1, 5, 40] {
+        for m in [2u32, 4, 6, 8] {
+            let n = 1 << m;
+            let all = points(OwenSobol, 2 * n, dimension, [3, 9]);
+            for block in all.chunks(n as usize) {
+                for k in 0..=m {
+                    let (nx, ny) = (1 << k, 1 << (m - k));
+                    let mut seen = vec![0; n as usize];
+                    for p in block {
+                        let (x, y) = ((p.x * nx as f32) as usize, (p.y * ny as f32) as usize);
+                        seen[y * nx + x] += 1;
+                    }
+                    assert!(seen.iter().all(|c| *c == 1), "dimension {dimension}, m {m}, k {k}: {seen:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn stratified_blocks_fill_every_cell() {
+    for (b, block) in points(Stratified, 64, 3, [1, 2]).chunks(16).enumerate() {
+        let mut cells: Vec<usize> = block.iter().map(|p| (p.y * 4.0) as usize * 4 + (p.x * 4.0) as usize).collect();
+        cells.sort_unstable();
+        assert_eq!(cells, (0..16).collect::<Vec<_>>(), "block {b}");
+    }
+}
+
+/// Mean and correlation of each sampler over many pixels are those of uniform numbers.
+#[test]
+fn numbers_are_uniform_and_uncorrelated() {
+    for kind in [OwenSobol, Stratified, Independent] {
+        let (mut sum, mut product, mut cross, mut n) = (Vec2::ZERO, 0.0f64, 0.0f64, 0.0f64);
+        for pixel in 0..4096u32 {
+            let mut s = Sampler::start(kind, 1, 0, [pixel % 64, pixel / 64], pixel % 7);
+            let (a, b) = (s.next_2d(), s.next_2d());
+            assert!(a.min_element() >= 0.0 && a.max_element() < 1.0);
+            sum += a;
+            product += ((a.x - 0.5) * (a.y - 0.5)) as f64;
+            cross += ((a.x - 0.5) * (b.x - 0.5)) as f64;
+            n += 1.0;
+        }
+        let sigma = (1.0 / 12.0f64 / n).sqrt();
+        let mean = sum / n as f32;
+        assert!((mean.x as f64 - 0.5).abs() < 4.5 * sigma && (mean.y as f64 - 0.5).abs() < 4.5 * sigma, "{kind:?} {mean}");
+        let sigma = 1.0 / 12.0 / n.sqrt();
+        assert!((product / n).abs() < 4.5 * sigma, "{kind:?} x y {}", product / n);
+        assert!((cross / n).abs() < 4.5 * sigma, "{kind:?} across dimensions {}", cross / n);
+    }
+}
+
+/// Both halves of the error estimate are well spread on their own: in each elementary interval of a
+/// quarter of the points, half of them at most are missing.
+#[test]
+fn halves_are_of_equal_size() {
+    for m in 1..12 {
+        let n = 1u32 << m;
+        let second = (0..n).filter(|i| film::buffer::in_second_half(*i)).count() as u32;
+        assert_eq!(second, n / 2);
+    }
+}

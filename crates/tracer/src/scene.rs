@@ -1,0 +1,89 @@
+//! A prepared scene: immutable and shared between threads.
+
+use crate::accel::Geometry;
+use crate::camera::Camera;
+use crate::camera::filter::FilterSampler;
+use crate::geometry::Interaction;
+use crate::light::{Light, Lights};
+use crate::material::Materials;
+use crate::math::Rgb;
+use crate::ray::{Hit, NONE, Ray};
+use ::scene::model::{Integrator, SamplerKind};
+use film::TileGrid;
+use glam::Vec3;
+
+/// A scene ready to be rendered.
+pub struct Scene {
+    /// What rays meet.
+    pub geometry: Geometry,
+    /// How it scatters.
+    pub materials: Materials,
+    /// What shines.
+    pub lights: Lights,
+    /// The view.
+    pub camera: Camera,
+    /// Reconstruction filter.
+    pub filter: FilterSampler,
+    /// How light is gathered.
+    pub integrator: Integrator,
+    /// Which points a pixel is sampled at.
+    pub sampler: SamplerKind,
+    /// Seed of the sampler.
+    pub seed: u64,
+    /// Frame number.
+    pub frame: u32,
+    /// How the picture (the crop, if there is one) is cut into tiles.
+    pub grid: TileGrid,
+    /// Size of the whole picture and the corner of the crop in it.
+    pub full_size: [u32; 2],
+    /// See `full_size`.
+    pub crop_origin: [u32; 2],
+    /// Factor on all radiance.
+    pub exposure: Rgb,
+    /// Samples are scaled down to this; biased.
+    pub max_component: f32,
+    /// Bound on what one indirect path carries; biased.
+    pub clamp_indirect: f32,
+}
+
+impl Scene {
+    /// How the picture is cut into tiles.
+    pub fn grid(&self) -> TileGrid {
+        self.grid
+    }
+
+    /// Memory held, for the worker's budget.
+    pub fn memory_bytes(&self) -> usize {
+        self.geometry.memory_bytes() + self.lights.lights.len() * size_of::<Light>()
+    }
+
+    /// The closest hit.
+    #[inline]
+    pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
+        let hit = self.geometry.closest(ray);
+        hit.is_some().then_some(hit)
+    }
+
+    /// Whether anything is hit before the ray's end.
+    #[inline]
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        self.geometry.occluded(ray)
+    }
+
+    /// Everything about the point of a hit.
+    #[inline]
+    pub fn interaction(&self, ray: &Ray, hit: &Hit) -> Interaction {
+        Interaction::new(&self.geometry, &self.lights.light_of, ray, hit, |material| {
+            self.materials.list[material as usize].needs_tangents
+        })
+    }
+
+    /// Radiance that a surface gives off towards `wo`.
+    #[inline]
+    pub fn emitted(&self, it: &Interaction, wo: Vec3) -> Rgb {
+        if it.emission == NONE {
+            return Rgb::ZERO;
+        }
+        self.lights.emissions[it.emission as usize].le(&self.geometry.textures, &it.point, it.ng.dot(wo))
+    }
+}
