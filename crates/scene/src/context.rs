@@ -7,7 +7,7 @@ use crate::import::ply;
 use crate::limits::{MAX_DIAGNOSTICS, MAX_IMPORT_BYTES};
 use crate::model::{Encoding, ImageDesc, ImageId, Mesh, MeshId};
 use crate::picture::{self, PictureInfo};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// Something wrong, and where; the reader decides whether it goes on.
@@ -40,6 +40,7 @@ pub(crate) struct Context<'a> {
     pub(crate) infos: Vec<Option<PictureInfo>>,
     image_ids: BTreeMap<(String, EncodingKey), ImageId>,
     ply_ids: BTreeMap<String, MeshId>,
+    mesh_names: BTreeSet<String>,
 }
 
 /// `Encoding` has no order of its own.
@@ -69,6 +70,7 @@ impl<'a> Context<'a> {
             infos: Vec::new(),
             image_ids: BTreeMap::new(),
             ply_ids: BTreeMap::new(),
+            mesh_names: BTreeSet::new(),
         }
     }
 
@@ -161,6 +163,12 @@ impl<'a> Context<'a> {
         encoding: Encoding,
     ) -> Result<ImageId, Issue> {
         let path = self.path(place, name)?;
+        self.image_at(place, &path, encoding)
+    }
+
+    /// The same, by its path in the source.
+    pub fn image_at(&mut self, place: &Place, path: &str, encoding: Encoding) -> Result<ImageId, Issue> {
+        let path = normalize(path).map_err(|e| Issue::new(place, e.to_string()))?;
         let key = (path, encoding_key(encoding));
         if let Some(&id) = self.image_ids.get(&key) {
             return Ok(id);
@@ -199,6 +207,11 @@ impl<'a> Context<'a> {
         let id =
             u32::try_from(self.meshes.len()).map_err(|_| Issue::new(place, "too many meshes"))?;
         self.charge(place, mesh_bytes(&mesh))?;
+        let mut mesh = mesh;
+        // Names are what other files refer to: keep them different.
+        while !self.mesh_names.insert(mesh.name.clone()) {
+            mesh.name.push('\'');
+        }
         self.meshes.push(mesh);
         Ok(MeshId(id))
     }
@@ -209,12 +222,20 @@ impl<'a> Context<'a> {
         if let Some(&id) = self.ply_ids.get(&path) {
             return Ok(id);
         }
-        let mesh = match self.assets.read(&path) {
+        let mesh = self.ply_mesh(place, &path)?;
+        let id = self.add_mesh(place, mesh)?;
+        self.ply_ids.insert(path, id);
+        Ok(id)
+    }
+
+    /// Reads a PLY file without listing it; its name is the path.
+    pub fn ply_mesh(&mut self, place: &Place, path: &str) -> Result<Mesh, Issue> {
+        Ok(match self.assets.read(path) {
             Ok(bytes) => {
                 let size = bytes.len() as u64;
                 self.charge(place, size)?;
                 let here = Place {
-                    file: path.clone(),
+                    file: path.to_owned(),
                     ..Place::default()
                 };
                 let (ply, notes) = ply::read(&bytes).map_err(|e| {
@@ -232,7 +253,7 @@ impl<'a> Context<'a> {
                 }
                 self.release(size);
                 Mesh {
-                    name: path.clone(),
+                    name: path.to_owned(),
                     positions: Arc::new(ply.positions),
                     normals: Arc::new(ply.normals),
                     uvs: if ply.uvs.is_empty() {
@@ -249,13 +270,10 @@ impl<'a> Context<'a> {
                     place,
                     format!("{path}: no such file; a cube from -1 to 1 stands in for it"),
                 );
-                stand_in(&path)
+                stand_in(path)
             }
             Err(error) => return Err(Issue::new(place, error.to_string())),
-        };
-        let id = self.add_mesh(place, mesh)?;
-        self.ply_ids.insert(path, id);
-        Ok(id)
+        })
     }
 }
 

@@ -6,21 +6,28 @@
 
 #![forbid(unsafe_code)]
 
+mod apply;
 pub mod assets;
 pub mod color;
 mod context;
 pub mod diagnostic;
+pub mod digest;
 pub mod import;
 pub mod limits;
 mod load;
 pub mod model;
+pub mod native;
 mod number;
 pub mod overrides;
 pub mod picture;
 mod suggest;
+pub mod validate;
 
+pub use apply::{INTEGRATORS, integrator, look_at};
 pub use assets::{AssetError, AssetSource};
 pub use diagnostic::{Diagnostic, Place, SceneError, Severity};
+pub use digest::SceneDigest;
 pub use load::{Loaded, load, load_with_files};
 pub use model::SceneDesc;
 pub use overrides::{Look, Overrides};
+pub use validate::validate;

@@ -1,8 +1,8 @@
 //! The way in: from a main file to a checked scene.
 
 use crate::assets::{AssetSource, RecordingSource, normalize};
-use crate::context::Context;
-use crate::diagnostic::{Diagnostic, Place, SceneError};
+use crate::context::{Context, Issue};
+use crate::diagnostic::{Diagnostic, Place, SceneError, Severity};
 use crate::model::SceneDesc;
 use crate::overrides::Overrides;
 use std::collections::BTreeSet;
@@ -46,6 +46,7 @@ pub fn load_with_files(
         .map(|(_, e)| e.to_ascii_lowercase())
         .unwrap_or_default();
     let result = match ending.as_str() {
+        "json" => crate::native::import(&main, &mut cx),
         "pbrt" => crate::import::pbrt::import(&main, &mut cx),
         "gltf" | "glb" => return Err(SceneError::one(place, "glTF is not supported yet")),
         _ => {
@@ -53,22 +54,28 @@ pub fn load_with_files(
             return Err(SceneError::one(place, reason));
         }
     };
-    let desc = match result {
-        Ok(desc) => Some(desc),
+    let mut desc = match result {
+        Ok(desc) => desc,
         Err(issue) => {
             cx.error(issue);
-            None
+            let diagnostics = cx.finish()?;
+            return Err(SceneError { diagnostics });
         }
     };
-    let diagnostics = cx.finish()?;
-    let Some(mut desc) = desc else {
-        return Err(SceneError { diagnostics });
-    };
+    crate::apply::apply(&mut desc, overrides, &mut cx);
     desc.meshes = std::mem::take(&mut cx.meshes);
     desc.images = std::mem::take(&mut cx.images);
-    Ok(Loaded {
-        desc,
-        diagnostics,
-        files: recorder.used(),
-    })
+    crate::validate::drop_degenerate(&mut desc, &mut cx);
+    for finding in crate::validate::validate(&desc) {
+        let Diagnostic { severity, mut place, reason } = finding;
+        if place.file.is_empty() {
+            place.file.clone_from(&main);
+        }
+        match severity {
+            Severity::Warning => cx.warn(&place, reason),
+            Severity::Error => cx.error(Issue { place, reason }),
+        }
+    }
+    let diagnostics = cx.finish()?;
+    Ok(Loaded { desc, diagnostics, files: recorder.used() })
 }

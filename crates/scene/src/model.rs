@@ -4,6 +4,8 @@
 //! is placed and in single precision where it is bulk data.
 
 use glam::{DAffine3, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Linear Rec. 709 red, green, blue.
@@ -67,7 +69,8 @@ pub struct SceneDesc {
 }
 
 /// Frames of an animation. Frame `n` opens the shutter at `start + n / fps + shutter.0`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Animation {
     /// Frames per second.
     pub fps: f64,
@@ -129,7 +132,8 @@ pub struct Camera {
 }
 
 /// Transmission over the normalised shutter interval [0, 1].
-#[derive(Clone, Debug, PartialEq, Default)]
+#[derive(Clone, Debug, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ShutterCurve {
     /// Open at once, closed at once.
     #[default]
@@ -145,7 +149,8 @@ pub enum ShutterCurve {
 
 /// The part of the image plane that the picture shows, in the units of the projection, before
 /// the frame is flipped to picture coordinates: x right, y up.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct ScreenWindow {
     /// Left, right.
     pub x: (f64, f64),
@@ -185,7 +190,8 @@ pub enum Projection {
 }
 
 /// Which side of the picture an angle covers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum FovAxis {
     /// Left to right.
     Horizontal,
@@ -209,7 +215,8 @@ pub struct Lens {
 }
 
 /// Shape of an aperture.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Aperture {
     /// A disk.
     Disk,
@@ -223,7 +230,8 @@ pub enum Aperture {
 }
 
 /// How directions are laid out on a picture of the sphere.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SphereMapping {
     /// Latitude and longitude: `u = 0.5 + atan2(z, x) / 2 pi`, `v = acos(y) / pi` from the top row.
     LatLong,
@@ -250,7 +258,8 @@ pub struct FilmDesc {
 }
 
 /// Reconstruction filters; radii in pixels, separable unless said otherwise.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Filter {
     /// Constant.
     Box {
@@ -322,7 +331,8 @@ pub enum Integrator {
 }
 
 /// Which points a pixel is sampled at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SamplerKind {
     /// Owen-scrambled Sobol points.
     #[default]
@@ -492,7 +502,8 @@ pub enum Light {
 
 /// Shape of a spot light's edge. With c the cosine of the angle to the axis, c0 of `cone_angle`, c1
 /// of `full_angle`, x = (c - c0) / (c1 - c0) clamped.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SpotFalloff {
     /// x^2 (3 - 2x), pbrt.
     SmoothStep,
@@ -525,7 +536,8 @@ pub enum Encoding {
 }
 
 /// What happens outside [0, 1].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Wrap {
     /// Start again.
     Repeat,
@@ -583,7 +595,8 @@ pub enum FloatTex {
 }
 
 /// Which number of a texture a float parameter takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Channel {
     /// Red.
     R,
@@ -690,7 +703,8 @@ pub struct Roughness {
 }
 
 /// What a roughness number means.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum RoughnessScale {
     /// GGX alpha itself.
     Alpha,
@@ -803,7 +817,8 @@ pub enum BsdfDesc {
 }
 
 /// A generalised cosine lobe: (cx wi.x wo.x + cy wi.y wo.y + cz wi.z wo.z)^n, times a colour.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct LafortuneLobe {
     /// Colour.
     pub albedo: Rgb,

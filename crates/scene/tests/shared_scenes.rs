@@ -1,7 +1,7 @@
 //! Scenes that others wrote, where they are present: every one must load without an error.
 
 use scene::assets::open;
-use scene::{Overrides, load_with_files};
+use scene::{Overrides, load, load_with_files};
 use std::path::{Path, PathBuf};
 
 /// Scene files below a folder beside the repository; none where that is absent.
@@ -28,6 +28,23 @@ fn pbrt_scenes() -> Vec<PathBuf> {
     let mut scenes = shared("bench/scenes", "pbrt");
     scenes.extend(shared("scenes/pbrt", "pbrt"));
     scenes
+}
+
+#[test]
+fn written_scenes_read_back_equal() {
+    for path in pbrt_scenes() {
+        let (assets, main) = open(&path).unwrap();
+        let Ok((desc, _)) = load(&main, &*assets, &Overrides::default()) else { continue };
+        let written = scene::native::write(&desc, &*assets).unwrap();
+        let mut copy = scene::assets::MemorySource::new().with("scene.json", &written.json).unwrap();
+        for (path, bytes) in written.files {
+            copy.insert(&path, bytes).unwrap();
+        }
+        let (again, diagnostics) = load("scene.json", &copy, &Overrides::default()).unwrap();
+        assert_eq!(diagnostics, [], "{}", path.display());
+        // Not `assert_eq`: nobody wants to see the difference of two such things in full.
+        assert!(again == desc, "{} changed on its way through JSON", path.display());
+    }
 }
 
 #[test]

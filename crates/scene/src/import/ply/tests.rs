@@ -72,7 +72,7 @@ fn broken_files_are_refused() {
     check("float x", "half x", "5: unknown type");
     check("float y", "float x", "there twice");
     check("vertex_index", "corners", "without a list vertex_indices");
-    check("end_header", "", "does not end");
+    check("end_header", "", "unknown header line");
     check("4 0 1 2 3 7", "4 0 1 2 4 7", "uses vertex 4");
     check("4 0 1 2 3 7", "4 0 1 2 -1 7", "uses vertex -1");
     check("4 0 1 2 3 7", "2 0 1 7", "2 corners");
