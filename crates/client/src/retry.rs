@@ -36,24 +36,24 @@ impl RetryPolicy {
         longest: Duration::from_secs(5),
     };
 
-    /// How long to pause after failure number `failures` (from 1), or `None` to give up. Between half
-    /// and all of the exponential bound at random, so that a farm does not come back in one wave; never less than
-    /// the coordinator asked for.
+    /// How long to pause after failure number `failures` (from 1), or `None` to give up.
     pub fn pause(&self, failures: u32, error: &ClientError) -> Option<Duration> {
         if !error.retryable() || self.attempts.is_some_and(|n| failures >= n) {
             return None;
         }
+        Some(self.backoff(failures, error.retry_after()))
+    }
+
+    /// The pause alone: between half and all of the exponential bound at random, so that a farm does
+    /// not come back in one wave; never less than the coordinator `asked` for.
+    pub fn backoff(&self, failures: u32, asked: Option<Duration>) -> Duration {
         let bound = self
             .first
             .saturating_mul(1 << failures.saturating_sub(1).min(16))
             .min(self.longest);
         let pause = bound.mul_f64(rand::rng().random_range(0.5..=1.0));
         // A limit on what is asked for: a wrong header must not stop a worker for a day.
-        let asked = error
-            .retry_after()
-            .unwrap_or_default()
-            .min(Duration::from_secs(60));
-        Some(pause.max(asked))
+        pause.max(asked.unwrap_or_default().min(Duration::from_secs(60)))
     }
 }
 
