@@ -161,10 +161,11 @@ impl SampleBuffer {
             }
             return Err(reason);
         }
+        debug_assert!(x < self.tile.width && y < self.tile.height);
         let sums = &mut self.pixels[(y * self.tile.width + x) as usize];
         let beauty = sample.beauty.map(fixed::to_fixed);
-        for c in 0..3 {
-            sums.beauty[c] += beauty[c];
+        for (c, value) in beauty.into_iter().enumerate() {
+            sums.beauty[c] += value;
             sums.square[c] += Square::of(sample.beauty[c]);
             sums.albedo[c] += fixed::to_bounded(sample.albedo[c]);
             sums.normal[c] += fixed::to_bounded(sample.normal[c]);

@@ -366,11 +366,7 @@ fn scatter(plane: usize, values: Values, pixels: &mut [PixelSums]) {
             }
         }
         Values::Narrow(values) => scatter_narrow(plane, values, pixels),
-        Values::Mid(values) => {
-            for (pixel, &value) in pixels.iter_mut().zip(values) {
-                planes::write_mid(pixel, plane, value);
-            }
-        }
+        Values::Mid(values) => scatter_mid(plane, values, pixels),
         Values::Wide(values) => {
             for (pixel, &value) in pixels.iter_mut().zip(values) {
                 planes::write_wide(pixel, plane, value);
@@ -405,6 +401,25 @@ fn scatter_narrow(plane: usize, values: &[i64], pixels: &mut [PixelSums]) {
             .iter()
             .zip(pixels)
             .for_each(|(&value, pixel)| planes::write_narrow(pixel, plane, value)),
+    }
+}
+
+/// The same for planes that can be wider.
+fn scatter_mid(plane: usize, values: &[i128], pixels: &mut [PixelSums]) {
+    #[inline(always)]
+    fn each<const PLANE: usize>(values: &[i128], pixels: &mut [PixelSums]) {
+        for (pixel, &value) in pixels.iter_mut().zip(values) {
+            planes::write_mid(pixel, PLANE, value);
+        }
+    }
+    match plane {
+        3 => each::<3>(values, pixels),
+        4 => each::<4>(values, pixels),
+        5 => each::<5>(values, pixels),
+        _ => values
+            .iter()
+            .zip(pixels)
+            .for_each(|(&value, pixel)| planes::write_mid(pixel, plane, value)),
     }
 }
 

@@ -23,7 +23,8 @@ pub enum Layer {
     Samples,
     /// Variance of the mean of the radiance.
     Variance,
-    /// Relative standard deviation of a pixel's luminance, from its own samples.
+    /// Relative standard deviation of a pixel's mean luminance, from its own samples; NaN for less
+    /// than two.
     Error,
 }
 
@@ -96,11 +97,13 @@ impl std::str::FromStr for Layer {
     }
 }
 
-/// One channel of a layer, row by row from the top left. Zero where there are no samples yet.
+/// One channel of a layer, row by row from the top left. Zero where there are no samples yet,
+/// but for the error, which is not known there.
 pub fn channel(film: &Film, layer: Layer, channel: usize) -> Vec<f32> {
     debug_assert!(channel < layer.channels());
     let width = film.grid().width as usize;
-    let mut out = vec![0.0; width * film.grid().height as usize];
+    let unknown = if layer == Layer::Error { f32::NAN } else { 0.0 };
+    let mut out = vec![unknown; width * film.grid().height as usize];
     for tile in film.tiles().iter().filter(|tile| tile.samples() > 0) {
         let shape = tile.tile();
         let (x, columns) = (shape.x as usize, shape.width as usize);
@@ -134,6 +137,7 @@ fn pixel(tile: &TileFilm, layer: Layer, channel: usize, i: usize) -> f64 {
         }
         Layer::Samples => n,
         Layer::Variance => variance(tile, channel, i),
+        Layer::Error if tile.samples() < 2 => f64::NAN,
         Layer::Error => {
             let (mut luminance, mut deviation) = (0.0, 0.0);
             for (c, weight) in LUMINANCE.into_iter().enumerate() {

@@ -78,10 +78,7 @@ pub enum OutputError {
     /// The PNG encoder failed.
     #[error("the PNG could not be written")]
     Png(#[source] ::png::EncodingError),
-    /// The EXR encoder failed.
-    #[error("the EXR could not be written")]
-    Exr(#[source] ::exr::error::Error),
-    /// The EXR encoder wrote what is not understood here.
-    #[error("the EXR has an unexpected head")]
-    ExrHead,
+    /// The deflate encoder failed.
+    #[error("the EXR could not be compressed")]
+    Deflate(#[source] std::io::Error),
 }

@@ -217,14 +217,15 @@ fn the_bounds_hold_for_all_samples() {
         let n = samples.len();
         for (pixel, sign) in one.buffer.pixels_mut().iter_mut().zip([1i64, -1]) {
             // What adding n samples of 2^32 gives (`fixed` has the sums, by doubling).
-            pixel.beauty = [(sign as i128) * (n as i128) << 72; 3];
-            pixel.half = (sign as i128) * (n as i128) << 72;
+            let sum = (sign as i128 * n as i128) << 72;
+            pixel.beauty = [sum; 3];
+            pixel.half = sum;
             pixel.square = [Square {
                 whole: (n as u128) << 64,
                 fraction: 0,
             }; 3];
-            pixel.depth = (sign as i128) * (n as i128) << 72;
-            pixel.albedo = [sign * (n as i64) << 30; 3];
+            pixel.depth = sum;
+            pixel.albedo = [(sign * n as i64) << 30; 3];
             pixel.hits = n;
         }
         let receipt = Receipt {

@@ -174,6 +174,15 @@ fn unfinished_parts_are_transparent() {
         (get("brolly.error"), get("brolly.engine")),
         (None, Some("1".into()))
     );
+    let look = Look {
+        layer: Layer::Error,
+        ..Look::default()
+    };
+    let (_, data, _) = decode_png(&write_png(&film, look, &info(&film)).unwrap());
+    assert!(
+        data.iter().all(|&byte| byte == 255),
+        "an unknown error is white"
+    );
     write_exr(&Film::new(GRID, 0), &info(&Film::new(GRID, 0))).unwrap();
 }
 

@@ -1,106 +1,142 @@
 //! 32-bit float EXR with all layers in one part: R, G, B, A first, the others as `layer.channel`.
 //! One part, because viewers that know layers group channels by their prefix, and those that do
 //! not still find R, G, B, A.
+//!
+//! Written by hand, after the OpenEXR file layout, because the crate `exr` (which reads these files,
+//! here and in tests) keeps text attributes in a hash map, so that their order differs in every
+//! run, and deflates at a level that takes eight times as long for the same size on noisy floats.
 
 use super::{OutputError, PictureInfo};
 use crate::film::Film;
 use crate::layer::{Layer, channel};
-use ::exr::meta::attribute::Chromaticities;
-use ::exr::prelude::*;
+use rayon::prelude::*;
+use std::io::Write;
 
-/// The channels of the file.
+/// The channels of the file, sorted by name as the format wants it.
 const CHANNELS: [(&str, Layer, usize); 15] = [
-    ("R", Layer::Beauty, 0),
-    ("G", Layer::Beauty, 1),
-    ("B", Layer::Beauty, 2),
     ("A", Layer::Alpha, 0),
-    ("albedo.R", Layer::Albedo, 0),
-    ("albedo.G", Layer::Albedo, 1),
+    ("B", Layer::Beauty, 2),
+    ("G", Layer::Beauty, 1),
+    ("R", Layer::Beauty, 0),
     ("albedo.B", Layer::Albedo, 2),
+    ("albedo.G", Layer::Albedo, 1),
+    ("albedo.R", Layer::Albedo, 0),
+    ("depth.Z", Layer::Depth, 0),
     ("normal.X", Layer::Normal, 0),
     ("normal.Y", Layer::Normal, 1),
     ("normal.Z", Layer::Normal, 2),
-    ("depth.Z", Layer::Depth, 0),
-    ("variance.R", Layer::Variance, 0),
-    ("variance.G", Layer::Variance, 1),
-    ("variance.B", Layer::Variance, 2),
     ("samples.N", Layer::Samples, 0),
+    ("variance.B", Layer::Variance, 2),
+    ("variance.G", Layer::Variance, 1),
+    ("variance.R", Layer::Variance, 0),
 ];
 
-/// Primaries and white of Rec. 709.
-const REC709: Chromaticities = Chromaticities {
-    red: Vec2(0.64, 0.33),
-    green: Vec2(0.30, 0.60),
-    blue: Vec2(0.15, 0.06),
-    white: Vec2(0.3127, 0.3290),
-};
+/// Primaries and white of Rec. 709: x and y of red, green, blue, white.
+const REC709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
+/// Rows of a block, fixed by the compression.
+const BLOCK_ROWS: usize = 16;
+const ZIP_BLOCKS: u8 = 3;
+const FLOAT: u32 = 2;
 
-/// An EXR of a film. The same film and info are the same bytes: blocks are written from the top
-/// whoever compressed them, and nothing tells the time.
-pub fn write_exr(film: &Film, info: &PictureInfo) -> std::result::Result<Vec<u8>, OutputError> {
-    let size = Vec2(film.grid().width as usize, film.grid().height as usize);
-    let list = CHANNELS
-        .iter()
-        .map(|&(name, layer, c)| AnyChannel::new(name, FlatSamples::F32(channel(film, layer, c))));
-    let encoding = Encoding {
-        compression: Compression::ZIP16,
-        blocks: Blocks::ScanLines,
-        line_order: LineOrder::Increasing,
-    };
-    let attributes = LayerAttributes::default();
-    let layer = ::exr::image::Layer::new(
-        size,
-        attributes,
-        encoding,
-        AnyChannels::sort(list.collect()),
-    );
-    let mut image = Image::from_layer(layer);
-    image.attributes.chromaticities = Some(REC709);
-    let mut bytes = std::io::Cursor::new(Vec::new());
-    image
-        .write()
-        .to_buffered(&mut bytes)
-        .map_err(OutputError::Exr)?;
-    insert_texts(&bytes.into_inner(), &info.fields()).ok_or(OutputError::ExrHead)
+/// An EXR of a film. The same film and info are the same bytes: blocks follow each other from the
+/// top whoever compressed them, and nothing tells the time.
+pub fn write_exr(film: &Film, info: &PictureInfo) -> Result<Vec<u8>, OutputError> {
+    let (width, height) = (film.grid().width as usize, film.grid().height as usize);
+    let planes: Vec<Vec<f32>> = CHANNELS
+        .par_iter()
+        .map(|&(_, layer, c)| channel(film, layer, c))
+        .collect();
+    let blocks: Vec<Vec<u8>> = (0..height.div_ceil(BLOCK_ROWS))
+        .into_par_iter()
+        .map(|block| {
+            let rows = block * BLOCK_ROWS..height.min((block + 1) * BLOCK_ROWS);
+            let mut raw = Vec::with_capacity(rows.len() * width * planes.len() * 4);
+            for row in rows {
+                for plane in &planes {
+                    let row = &plane[row * width..(row + 1) * width];
+                    raw.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+                }
+            }
+            compress(raw)
+        })
+        .collect::<std::io::Result<_>>()
+        .map_err(OutputError::Deflate)?;
+    let mut out = head(film, info);
+    let mut offset = (out.len() + blocks.len() * 8) as u64;
+    for block in &blocks {
+        out.extend_from_slice(&offset.to_le_bytes());
+        offset += 8 + block.len() as u64;
+    }
+    for (at, block) in blocks.iter().enumerate() {
+        out.extend_from_slice(&((at * BLOCK_ROWS) as u32).to_le_bytes());
+        out.extend_from_slice(&(block.len() as u32).to_le_bytes());
+        out.extend_from_slice(block);
+    }
+    Ok(out)
 }
 
-/// Adds text attributes at the end of the head of a file of one part. The crate keeps such
-/// attributes in a hash map and writes them in another order in every run.
-fn insert_texts(file: &[u8], texts: &[(&str, String)]) -> Option<Vec<u8>> {
-    let end = head_end(file)?;
-    let mut out = file[..end].to_vec();
-    for (name, text) in texts {
+/// Magic, version and attributes, each as name, type, length, value.
+fn head(film: &Film, info: &PictureInfo) -> Vec<u8> {
+    let mut out = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
+    let mut put = |name: &str, kind: &str, value: &[u8]| {
         out.extend_from_slice(name.as_bytes());
-        out.extend_from_slice(b"\0string\0");
-        out.extend_from_slice(&(text.len() as u32).to_le_bytes());
-        out.extend_from_slice(text.as_bytes());
+        out.push(0);
+        out.extend_from_slice(kind.as_bytes());
+        out.push(0);
+        out.extend_from_slice(&(value.len() as u32).to_le_bytes());
+        out.extend_from_slice(value);
+    };
+    let mut list = Vec::new();
+    for (name, _, _) in CHANNELS {
+        list.extend_from_slice(name.as_bytes());
+        list.push(0);
+        // Sample type, a hint to lossy compression and three unused bytes, every column, every row.
+        list.extend([FLOAT, 0, 1, 1].map(u32::to_le_bytes).concat());
     }
-    let added = (out.len() - end) as u64;
+    list.push(0);
+    let floats =
+        |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
+    // The last column and row count as inside.
+    let window = [0, 0, film.grid().width - 1, film.grid().height - 1]
+        .map(u32::to_le_bytes)
+        .concat();
+    put("channels", "chlist", &list);
+    put("chromaticities", "chromaticities", &floats(&REC709));
+    put("compression", "compression", &[ZIP_BLOCKS]);
+    put("dataWindow", "box2i", &window);
+    put("displayWindow", "box2i", &window);
+    put("lineOrder", "lineOrder", &[0]);
+    put("pixelAspectRatio", "float", &floats(&[1.0]));
+    put("screenWindowCenter", "v2f", &floats(&[0.0, 0.0]));
+    put("screenWindowWidth", "float", &floats(&[1.0]));
+    for (name, text) in info.fields() {
+        put(name, "string", text.as_bytes());
+    }
     out.push(0);
-    // After the head: where each block is, up to where the first one is.
-    let mut rest = &file[end + 1..];
-    let mut first = u64::MAX;
-    while ((file.len() - rest.len()) as u64) < first {
-        let (offset, after) = rest.split_first_chunk()?;
-        let offset = u64::from_le_bytes(*offset);
-        first = first.min(offset);
-        out.extend_from_slice(&(offset + added).to_le_bytes());
-        rest = after;
-    }
-    out.extend_from_slice(rest);
-    Some(out)
+    out
 }
 
-/// Where the zero byte stands that ends the attributes: magic and version, then attributes as name,
-/// type, length, value.
-fn head_end(file: &[u8]) -> Option<usize> {
-    let mut at = 8;
-    while *file.get(at)? != 0 {
-        for _ in ["name", "type"] {
-            at += file.get(at..)?.iter().position(|&byte| byte == 0)? + 1;
-        }
-        let length = u32::from_le_bytes(*file.get(at..)?.first_chunk()?);
-        at += 4 + length as usize;
+/// Even bytes before odd ones, differences of neighbours, deflate; or as it was if that is smaller.
+fn compress(raw: Vec<u8>) -> std::io::Result<Vec<u8>> {
+    let mut bytes: Vec<u8> = raw
+        .iter()
+        .step_by(2)
+        .chain(raw.iter().skip(1).step_by(2))
+        .copied()
+        .collect();
+    let mut before = bytes.first().copied().unwrap_or(0);
+    for byte in bytes.iter_mut().skip(1) {
+        let this = *byte;
+        *byte = this.wrapping_sub(before).wrapping_add(128);
+        before = this;
     }
-    Some(at)
+    let room = Vec::with_capacity(raw.len());
+    let mut encoder = flate2::write::ZlibEncoder::new(room, flate2::Compression::fast());
+    encoder.write_all(&bytes)?;
+    let packed = encoder.finish()?;
+    Ok(if packed.len() < raw.len() {
+        packed
+    } else {
+        raw
+    })
 }

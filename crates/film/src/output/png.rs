@@ -55,6 +55,7 @@ pub fn encode_png(picture: &Bytes8, texts: &[(&str, String)]) -> Result<Vec<u8>,
         ::png::ColorType::Rgb
     });
     encoder.set_depth(::png::BitDepth::Eight);
+    encoder.set_compression(::png::Compression::Fast);
     encoder.set_source_srgb(::png::SrgbRenderingIntent::RelativeColorimetric);
     for (keyword, text) in texts {
         encoder
@@ -95,8 +96,14 @@ pub fn shown(film: &Film, look: Look) -> Bytes8 {
             let most = film.spp_span().1.max(1) as f32;
             colored(film, one(0), |x| x / most)
         }
-        // Three decades up to 100 %.
-        Layer::Error => colored(film, one(0), |x| 1.0 + libm::log10f(x.max(1e-9)) / 3.0),
+        // Three decades up to 100 %. NaN stays: what is not known is white, not quiet.
+        Layer::Error => colored(film, one(0), |x| {
+            if x > 1e-3 {
+                1.0 + libm::log10f(x) / 3.0
+            } else {
+                x * 0.0
+            }
+        }),
     }
 }
 
