@@ -3,12 +3,16 @@
 use crate::context::{Context, Issue};
 use crate::diagnostic::Place;
 use crate::limits::{MAX_PIXELS, MAX_SIDE};
-use crate::model::{Camera, Encoding, FovAxis, Integrator, Light, Motion, Projection, SceneDesc, SphereMapping};
+use crate::model::{
+    Camera, Encoding, FovAxis, Integrator, Light, Motion, Projection, SceneDesc, SphereMapping,
+};
 use crate::overrides::{Look, Overrides};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// Integrators by the names that users write.
-pub const INTEGRATORS: [&str; 7] = ["path", "direct", "whitted", "normals", "albedo", "depth", "uv"];
+pub const INTEGRATORS: [&str; 7] = [
+    "path", "direct", "whitted", "normals", "albedo", "depth", "uv",
+];
 
 /// Scattering events where nothing says how many.
 pub const DEFAULT_DEPTH: u32 = 64;
@@ -25,27 +29,43 @@ pub fn integrator(name: &str, max_depth: u32) -> Result<Integrator, String> {
         "uv" => Integrator::Uv,
         _ => {
             let near = crate::suggest::did_you_mean(name, INTEGRATORS);
-            return Err(format!("unknown integrator {name:?}{near}; there are {}", INTEGRATORS.join(", ")));
+            return Err(format!(
+                "unknown integrator {name:?}{near}; there are {}",
+                INTEGRATORS.join(", ")
+            ));
         }
     })
 }
 
 fn depth_of(integrator: Integrator) -> u32 {
     match integrator {
-        Integrator::Path { max_depth } | Integrator::Direct { max_depth } | Integrator::Whitted { max_depth } => max_depth,
+        Integrator::Path { max_depth }
+        | Integrator::Direct { max_depth }
+        | Integrator::Whitted { max_depth } => max_depth,
         _ => DEFAULT_DEPTH,
     }
 }
 
 /// Camera to world for an eye, a target and an up direction.
 pub fn look_at(from: DVec3, at: DVec3, up: DVec3) -> Result<DAffine3, String> {
-    let back = (from - at).try_normalize().ok_or("the camera looks from where it looks at")?;
-    let right = up.cross(back).try_normalize().ok_or("the camera's up points along its view")?;
-    Ok(DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), from))
+    let back = (from - at)
+        .try_normalize()
+        .ok_or("the camera looks from where it looks at")?;
+    let right = up
+        .cross(back)
+        .try_normalize()
+        .ok_or("the camera's up points along its view")?;
+    Ok(DAffine3::from_mat3_translation(
+        DMat3::from_cols(right, back.cross(right), back),
+        from,
+    ))
 }
 
 pub(crate) fn apply(desc: &mut SceneDesc, overrides: &Overrides, cx: &mut Context<'_>) {
-    let place = Place { file: "job settings".into(), ..Place::default() };
+    let place = Place {
+        file: "job settings".into(),
+        ..Place::default()
+    };
     let keep = |result: Result<(), String>, cx: &mut Context<'_>| {
         if let Err(reason) = result {
             cx.error(Issue::new(&place, reason));
@@ -60,7 +80,12 @@ pub(crate) fn apply(desc: &mut SceneDesc, overrides: &Overrides, cx: &mut Contex
     let result = camera(&mut desc.camera, look);
     keep(result, cx);
     if let Some(name) = &look.camera {
-        keep(Err(format!("the file has no camera {name:?}: it has one view only")), cx);
+        keep(
+            Err(format!(
+                "the file has no camera {name:?}: it has one view only"
+            )),
+            cx,
+        );
     }
     if let Some(name) = &look.variant {
         keep(Err(format!("the file has no variant {name:?}")), cx);
@@ -70,19 +95,31 @@ pub(crate) fn apply(desc: &mut SceneDesc, overrides: &Overrides, cx: &mut Contex
 }
 
 fn size(desc: &mut SceneDesc, overrides: &Overrides) -> Result<(), String> {
-    let Some([width, height]) = overrides.size else { return Ok(()) };
+    let Some([width, height]) = overrides.size else {
+        return Ok(());
+    };
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
-        return Err(format!("a picture of {width} x {height} pixels; a side is 1 to {MAX_SIDE}"));
+        return Err(format!(
+            "a picture of {width} x {height} pixels; a side is 1 to {MAX_SIDE}"
+        ));
     }
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
-        return Err(format!("a picture of {width} x {height} pixels; the limit is {MAX_PIXELS} in all"));
+        return Err(format!(
+            "a picture of {width} x {height} pixels; the limit is {MAX_PIXELS} in all"
+        ));
     }
     // The part that is rendered keeps its place in the picture.
     let film = &mut desc.film;
-    let scale = |v: u32, old: u32, new: u32| (u64::from(v) * u64::from(new) / u64::from(old.max(1))) as u32;
+    let scale =
+        |v: u32, old: u32, new: u32| (u64::from(v) * u64::from(new) / u64::from(old.max(1))) as u32;
     film.crop = film.crop.map(|[x0, y0, x1, y1]| {
         let (x0, y0) = (scale(x0, film.width, width), scale(y0, film.height, height));
-        [x0, y0, scale(x1, film.width, width).max(x0 + 1), scale(y1, film.height, height).max(y0 + 1)]
+        [
+            x0,
+            y0,
+            scale(x1, film.width, width).max(x0 + 1),
+            scale(y1, film.height, height).max(y0 + 1),
+        ]
     });
     (film.width, film.height) = (width, height);
     Ok(())
@@ -90,14 +127,31 @@ fn size(desc: &mut SceneDesc, overrides: &Overrides) -> Result<(), String> {
 
 fn camera(camera: &mut Camera, look: &Look) -> Result<(), String> {
     let all = [look.look_from, look.look_at, look.up];
-    if all.iter().flatten().flatten().chain(look.vfov.iter()).any(|x| !x.is_finite()) {
+    if all
+        .iter()
+        .flatten()
+        .flatten()
+        .chain(look.vfov.iter())
+        .any(|x| !x.is_finite())
+    {
         return Err("a camera setting that is not a finite number".into());
     }
     if all.iter().any(Option::is_some) {
-        let now = camera.transform.keys.first().map(|k| k.transform).unwrap_or(DAffine3::IDENTITY);
+        let now = camera
+            .transform
+            .keys
+            .first()
+            .map(|k| k.transform)
+            .unwrap_or(DAffine3::IDENTITY);
         let from = look.look_from.map_or(now.translation, DVec3::from_array);
         let at = look.look_at.map_or_else(
-            || if look.look_from.is_some() { DVec3::ZERO } else { from - now.matrix3.z_axis },
+            || {
+                if look.look_from.is_some() {
+                    DVec3::ZERO
+                } else {
+                    from - now.matrix3.z_axis
+                }
+            },
             DVec3::from_array,
         );
         let up = look.up.map_or(DVec3::Y, DVec3::from_array);
@@ -108,10 +162,17 @@ fn camera(camera: &mut Camera, look: &Look) -> Result<(), String> {
             return Err(format!("a field of view of {vfov} degrees"));
         }
         let lens = match &mut camera.projection {
-            Projection::Perspective { lens, .. } | Projection::Orthographic { lens, .. } => lens.take(),
+            Projection::Perspective { lens, .. } | Projection::Orthographic { lens, .. } => {
+                lens.take()
+            }
             Projection::Spherical { .. } => None,
         };
-        camera.projection = Projection::Perspective { fov: vfov, fov_axis: FovAxis::Vertical, window: None, lens };
+        camera.projection = Projection::Perspective {
+            fov: vfov,
+            fov_axis: FovAxis::Vertical,
+            window: None,
+            lens,
+        };
     }
     Ok(())
 }
@@ -122,13 +183,26 @@ fn environment(desc: &mut SceneDesc, look: &Look, cx: &mut Context<'_>) -> Resul
     if !(strength >= 0.0 && strength.is_finite() && rotate.is_finite()) {
         return Err("the strength and rotation of the environment are finite numbers, the strength not negative".into());
     }
-    let (s, c) = (libm::sin(rotate.to_radians()), libm::cos(rotate.to_radians()));
+    let (s, c) = (
+        libm::sin(rotate.to_radians()),
+        libm::cos(rotate.to_radians()),
+    );
     // About +Y, counterclockwise as seen from above.
-    let turn = DAffine3::from_mat3(DMat3::from_cols(DVec3::new(c, 0.0, -s), DVec3::Y, DVec3::new(s, 0.0, c)));
+    let turn = DAffine3::from_mat3(DMat3::from_cols(
+        DVec3::new(c, 0.0, -s),
+        DVec3::Y,
+        DVec3::new(s, 0.0, c),
+    ));
     if let Some(path) = &look.env {
-        let place = Place { file: "job settings".into(), ..Place::default() };
-        let image = cx.image_at(&place, path, Encoding::Auto).map_err(|issue| issue.reason)?;
-        desc.lights.retain(|light| !matches!(light, Light::Environment { .. }));
+        let place = Place {
+            file: "job settings".into(),
+            ..Place::default()
+        };
+        let image = cx
+            .image_at(&place, path, Encoding::Auto)
+            .map_err(|issue| issue.reason)?;
+        desc.lights
+            .retain(|light| !matches!(light, Light::Environment { .. }));
         desc.lights.push(Light::Environment {
             transform: turn,
             radiance: [strength as f32; 3],
@@ -137,7 +211,12 @@ fn environment(desc: &mut SceneDesc, look: &Look, cx: &mut Context<'_>) -> Resul
         });
     } else if look.env_strength.is_some() || look.env_rotate.is_some() {
         for light in &mut desc.lights {
-            if let Light::Environment { transform, radiance, .. } = light {
+            if let Light::Environment {
+                transform,
+                radiance,
+                ..
+            } = light
+            {
                 *transform = turn * *transform;
                 *radiance = radiance.map(|r| (f64::from(r) * strength) as f32);
             }

@@ -96,6 +96,9 @@ impl<'a> Context<'a> {
     pub fn keep<T>(&mut self, result: Result<T, Issue>) -> Option<T> {
         result.map_err(|issue| self.error(issue)).ok()
     }
+    pub fn has_errors(&self) -> bool {
+        self.errors > 0
+    }
     /// Too many errors to be worth more reading.
     pub fn hopeless(&self) -> bool {
         self.errors >= 100
@@ -167,7 +170,12 @@ impl<'a> Context<'a> {
     }
 
     /// The same, by its path in the source.
-    pub fn image_at(&mut self, place: &Place, path: &str, encoding: Encoding) -> Result<ImageId, Issue> {
+    pub fn image_at(
+        &mut self,
+        place: &Place,
+        path: &str,
+        encoding: Encoding,
+    ) -> Result<ImageId, Issue> {
         let path = normalize(path).map_err(|e| Issue::new(place, e.to_string()))?;
         let key = (path, encoding_key(encoding));
         if let Some(&id) = self.image_ids.get(&key) {

@@ -4,7 +4,9 @@ use crate::assets::{AssetError, AssetSource};
 use std::collections::BTreeMap;
 
 /// BLAKE3 of a scene, as 64 lowercase hexadecimal digits.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, schemars::JsonSchema)]
+#[derive(
+    Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, schemars::JsonSchema,
+)]
 #[serde(transparent)]
 pub struct SceneDigest(String);
 
@@ -29,8 +31,13 @@ pub struct NotADigest;
 impl std::str::FromStr for SceneDigest {
     type Err = NotADigest;
     fn from_str(text: &str) -> Result<Self, NotADigest> {
-        let valid = text.len() == 64 && text.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
-        if valid { Ok(SceneDigest(text.to_owned())) } else { Err(NotADigest) }
+        let valid =
+            text.len() == 64 && text.bytes().all(|b| matches!(b, b'0'..=b'9' | b'a'..=b'f'));
+        if valid {
+            Ok(SceneDigest(text.to_owned()))
+        } else {
+            Err(NotADigest)
+        }
     }
 }
 
@@ -84,7 +91,10 @@ mod tests {
     #[test]
     fn names_and_contents_count() {
         let files = |names: &[(&str, &str)]| {
-            names.iter().map(|(n, b)| ((*n).to_owned(), file_digest(b.as_bytes()))).collect::<BTreeMap<_, _>>()
+            names
+                .iter()
+                .map(|(n, b)| ((*n).to_owned(), file_digest(b.as_bytes())))
+                .collect::<BTreeMap<_, _>>()
         };
         let base = scene_digest("a", &files(&[("a", "1"), ("b", "2")]));
         assert_eq!(base, scene_digest("a", &files(&[("b", "2"), ("a", "1")])));
@@ -92,7 +102,10 @@ mod tests {
         assert_ne!(base, scene_digest("a", &files(&[("a", "2"), ("b", "1")])));
         assert_ne!(base, scene_digest("a", &files(&[("a", "1")])));
         assert_eq!(base.as_str().parse(), Ok(base.clone()));
-        assert_eq!(serde_json::from_str::<SceneDigest>(&serde_json::to_string(&base).unwrap()).unwrap(), base);
+        assert_eq!(
+            serde_json::from_str::<SceneDigest>(&serde_json::to_string(&base).unwrap()).unwrap(),
+            base
+        );
         assert!("ABC".parse::<SceneDigest>().is_err());
     }
 }

@@ -3,6 +3,16 @@
 //!
 //! The way in is [`load()`]: it picks the reader by the main file's ending, reads through an
 //! [`AssetSource`] and returns a [`SceneDesc`] with the [`Diagnostic`]s that were collected.
+//!
+//! ```
+//! use scene::{Overrides, assets::MemorySource, load};
+//!
+//! let text = "WorldBegin LightSource \"infinite\" Shape \"sphere\" \"float radius\" 2";
+//! let assets = MemorySource::new().with("ball.pbrt", text)?;
+//! let (desc, diagnostics) = load("ball.pbrt", &assets, &Overrides::default())?;
+//! assert_eq!((desc.primitives.len(), diagnostics.len()), (1, 0));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 #![forbid(unsafe_code)]
 

@@ -62,12 +62,21 @@ pub fn load_with_files(
             return Err(SceneError { diagnostics });
         }
     };
+    // What failed to be read would only be reported again as missing.
+    if cx.has_errors() {
+        let diagnostics = cx.finish()?;
+        return Err(SceneError { diagnostics });
+    }
     crate::apply::apply(&mut desc, overrides, &mut cx);
     desc.meshes = std::mem::take(&mut cx.meshes);
     desc.images = std::mem::take(&mut cx.images);
     crate::validate::drop_degenerate(&mut desc, &mut cx);
     for finding in crate::validate::validate(&desc) {
-        let Diagnostic { severity, mut place, reason } = finding;
+        let Diagnostic {
+            severity,
+            mut place,
+            reason,
+        } = finding;
         if place.file.is_empty() {
             place.file.clone_from(&main);
         }
@@ -77,5 +86,9 @@ pub fn load_with_files(
         }
     }
     let diagnostics = cx.finish()?;
-    Ok(Loaded { desc, diagnostics, files: recorder.used() })
+    Ok(Loaded {
+        desc,
+        diagnostics,
+        files: recorder.used(),
+    })
 }

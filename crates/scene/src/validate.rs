@@ -8,7 +8,9 @@ mod placement;
 use crate::context::Context;
 use crate::diagnostic::{Diagnostic, Place, Severity};
 use crate::limits::{MAX_DEPTH, MAX_PIXELS, MAX_SIDE, MAX_SPP};
-use crate::model::{Camera, FilmDesc, Filter, Integrator, Lens, Motion, Projection, SceneDesc, Shape};
+use crate::model::{
+    Camera, FilmDesc, Filter, Integrator, Lens, Motion, Projection, SceneDesc, Shape,
+};
 use glam::DAffine3;
 
 /// Findings of one pass.
@@ -16,10 +18,18 @@ struct Findings(Vec<Diagnostic>);
 
 impl Findings {
     fn error(&mut self, reason: impl Into<String>) {
-        self.0.push(Diagnostic { severity: Severity::Error, place: Place::default(), reason: reason.into() });
+        self.0.push(Diagnostic {
+            severity: Severity::Error,
+            place: Place::default(),
+            reason: reason.into(),
+        });
     }
     fn warn(&mut self, reason: impl Into<String>) {
-        self.0.push(Diagnostic { severity: Severity::Warning, place: Place::default(), reason: reason.into() });
+        self.0.push(Diagnostic {
+            severity: Severity::Warning,
+            place: Place::default(),
+            reason: reason.into(),
+        });
     }
     fn check(&mut self, fine: bool, reason: impl FnOnce() -> String) {
         if !fine {
@@ -29,24 +39,37 @@ impl Findings {
 
     /// A transform that can be inverted, at times that rise.
     fn motion(&mut self, what: &str, motion: &Motion) {
-        self.check(!motion.keys.is_empty(), || format!("{what}: a motion without keys"));
+        self.check(!motion.keys.is_empty(), || {
+            format!("{what}: a motion without keys")
+        });
         for key in &motion.keys {
-            self.check(key.time.is_finite(), || format!("{what}: a key at a time that is not finite"));
+            self.check(key.time.is_finite(), || {
+                format!("{what}: a key at a time that is not finite")
+            });
             self.transform(what, &key.transform);
         }
-        let rising = motion.keys.windows(2).all(|pair| pair[0].time < pair[1].time);
-        self.check(rising, || format!("{what}: the times of its keys do not rise"));
+        let rising = motion
+            .keys
+            .windows(2)
+            .all(|pair| pair[0].time < pair[1].time);
+        self.check(rising, || {
+            format!("{what}: the times of its keys do not rise")
+        });
     }
 
     fn transform(&mut self, what: &str, transform: &DAffine3) {
         let finite = transform.is_finite();
-        self.check(finite, || format!("{what}: a transform with numbers that are not finite"));
+        self.check(finite, || {
+            format!("{what}: a transform with numbers that are not finite")
+        });
         let singular = finite && {
             let m = transform.matrix3;
             let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
             libm::fabs(m.determinant()) <= volume * 1e-12 || !transform.inverse().is_finite()
         };
-        self.check(!singular, || format!("{what}: a singular transform: it flattens what it places"));
+        self.check(!singular, || {
+            format!("{what}: a singular transform: it flattens what it places")
+        });
     }
 }
 
@@ -65,20 +88,29 @@ pub fn validate(desc: &SceneDesc) -> Vec<Diagnostic> {
 fn camera(camera: &Camera, found: &mut Findings) {
     found.motion("camera", &camera.transform);
     let (open, close) = camera.shutter;
-    found.check(open.is_finite() && close.is_finite() && open <= close, || {
-        format!("camera: a shutter that opens at {open} and closes at {close}")
-    });
+    found.check(
+        open.is_finite() && close.is_finite() && open <= close,
+        || format!("camera: a shutter that opens at {open} and closes at {close}"),
+    );
     if let crate::model::ShutterCurve::Trapezoid { open, close } = camera.shutter_curve {
         found.check(open >= 0.0 && close >= 0.0 && open + close <= 1.0, || {
             format!("camera: a shutter curve that opens over {open} and closes over {close} of its interval")
         });
     }
     let (window, lens) = match &camera.projection {
-        Projection::Perspective { fov, window, lens, .. } => {
-            found.check(*fov > 0.0 && *fov < 180.0, || format!("camera: a field of view of {fov} degrees"));
+        Projection::Perspective {
+            fov, window, lens, ..
+        } => {
+            found.check(*fov > 0.0 && *fov < 180.0, || {
+                format!("camera: a field of view of {fov} degrees")
+            });
             (window, lens)
         }
-        Projection::Orthographic { half_height, window, lens } => {
+        Projection::Orthographic {
+            half_height,
+            window,
+            lens,
+        } => {
             found.check(*half_height > 0.0 && half_height.is_finite(), || {
                 format!("camera: an orthographic view of half height {half_height}")
             });
@@ -88,9 +120,17 @@ fn camera(camera: &Camera, found: &mut Findings) {
     };
     if let Some(window) = window {
         let fine = |(a, b): (f64, f64)| a.is_finite() && b.is_finite() && a != b;
-        found.check(fine(window.x) && fine(window.y), || "camera: an empty screen window".into());
+        found.check(fine(window.x) && fine(window.y), || {
+            "camera: an empty screen window".into()
+        });
     }
-    if let Some(Lens { radius, focus_distance, aperture, anamorphic }) = lens {
+    if let Some(Lens {
+        radius,
+        focus_distance,
+        aperture,
+        anamorphic,
+    }) = lens
+    {
         let fine = |x: f64| x > 0.0 && x.is_finite();
         found.check(fine(*radius) && fine(*focus_distance) && fine(*anamorphic), || {
             format!("camera: a lens of radius {radius}, focus distance {focus_distance}, squeeze {anamorphic}")
@@ -104,7 +144,14 @@ fn camera(camera: &Camera, found: &mut Findings) {
 }
 
 fn film(film: &FilmDesc, found: &mut Findings) {
-    let FilmDesc { width, height, crop, filter, exposure, max_component } = film;
+    let FilmDesc {
+        width,
+        height,
+        crop,
+        filter,
+        exposure,
+        max_component,
+    } = film;
     let (w, h) = (*width, *height);
     found.check(w > 0 && h > 0 && w <= MAX_SIDE && h <= MAX_SIDE, || {
         format!("a picture of {w} x {h} pixels; a side is 1 to {MAX_SIDE}")
@@ -125,35 +172,54 @@ fn film(film: &FilmDesc, found: &mut Findings) {
     | Filter::BlackmanHarris { radius }
     | Filter::LanczosSinc { radius, .. }) = *filter;
     found.check(fine(radius.0) && fine(radius.1), || {
-        format!("a filter radius of {} x {}; it is above 0 and at most 64", radius.0, radius.1)
+        format!(
+            "a filter radius of {} x {}; it is above 0 and at most 64",
+            radius.0, radius.1
+        )
     });
     match *filter {
         Filter::Gaussian { sigma: x, .. } | Filter::LanczosSinc { tau: x, .. } => {
-            found.check(x > 0.0 && x.is_finite(), || format!("a filter parameter of {x}"));
+            found.check(x > 0.0 && x.is_finite(), || {
+                format!("a filter parameter of {x}")
+            });
         }
         Filter::Mitchell { b, c, .. } => {
-            found.check(b.is_finite() && c.is_finite(), || "a filter parameter that is not finite".into());
+            found.check(b.is_finite() && c.is_finite(), || {
+                "a filter parameter that is not finite".into()
+            });
         }
         _ => {}
     }
-    found.check(exposure.iter().all(|e| *e >= 0.0 && e.is_finite()), || format!("an exposure of {exposure:?}"));
-    found.check(max_component.is_none_or(|m| m > 0.0), || "a bound of zero on the brightness of samples".into());
+    found.check(exposure.iter().all(|e| *e >= 0.0 && e.is_finite()), || {
+        format!("an exposure of {exposure:?}")
+    });
+    found.check(max_component.is_none_or(|m| m > 0.0), || {
+        "a bound of zero on the brightness of samples".into()
+    });
 }
 
 fn settings(desc: &SceneDesc, found: &mut Findings) {
     if let Some(spp) = desc.spp {
-        found.check((1..=MAX_SPP).contains(&spp), || format!("{spp} samples per pixel; 1 to {MAX_SPP} are possible"));
+        found.check((1..=MAX_SPP).contains(&spp), || {
+            format!("{spp} samples per pixel; 1 to {MAX_SPP} are possible")
+        });
     }
-    if let Integrator::Path { max_depth } | Integrator::Direct { max_depth } | Integrator::Whitted { max_depth } =
-        desc.integrator
+    if let Integrator::Path { max_depth }
+    | Integrator::Direct { max_depth }
+    | Integrator::Whitted { max_depth } = desc.integrator
     {
-        found.check(max_depth <= MAX_DEPTH, || format!("a depth of {max_depth}; the limit is {MAX_DEPTH}"));
+        found.check(max_depth <= MAX_DEPTH, || {
+            format!("a depth of {max_depth}; the limit is {MAX_DEPTH}")
+        });
     }
     if let Some(animation) = &desc.animation {
         let (first, last) = animation.frames;
         let fine = animation.fps > 0.0 && animation.fps.is_finite() && animation.start.is_finite();
         found.check(fine && first <= last, || {
-            format!("an animation of frames {first} to {last} at {} a second", animation.fps)
+            format!(
+                "an animation of frames {first} to {last} at {} a second",
+                animation.fps
+            )
         });
     }
 }
@@ -165,8 +231,14 @@ pub(crate) fn drop_degenerate(desc: &mut SceneDesc, cx: &mut Context<'_>) {
     for (mesh, emptied) in desc.meshes.iter_mut().zip(&mut emptied) {
         let dropped = geometry::drop_degenerate(mesh);
         if dropped > 0 {
-            let place = Place { file: mesh.name.clone(), ..Place::default() };
-            cx.warn(&place, format!("{dropped} triangles without area are left out"));
+            let place = Place {
+                file: mesh.name.clone(),
+                ..Place::default()
+            };
+            cx.warn(
+                &place,
+                format!("{dropped} triangles without area are left out"),
+            );
             *emptied = mesh.indices.is_empty();
         }
     }

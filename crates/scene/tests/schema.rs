@@ -8,5 +8,8 @@ fn the_schema_is_fresh() {
         std::fs::write(&path, &fresh).unwrap();
     }
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(committed == fresh, "api/scene.schema.json is stale: run the tests with BROLLY_BLESS=1");
+    assert!(
+        committed == fresh,
+        "api/scene.schema.json is stale: run the tests with BROLLY_BLESS=1"
+    );
 }

@@ -34,16 +34,24 @@ fn pbrt_scenes() -> Vec<PathBuf> {
 fn written_scenes_read_back_equal() {
     for path in pbrt_scenes() {
         let (assets, main) = open(&path).unwrap();
-        let Ok((desc, _)) = load(&main, &*assets, &Overrides::default()) else { continue };
+        let Ok((desc, _)) = load(&main, &*assets, &Overrides::default()) else {
+            continue;
+        };
         let written = scene::native::write(&desc, &*assets).unwrap();
-        let mut copy = scene::assets::MemorySource::new().with("scene.json", &written.json).unwrap();
+        let mut copy = scene::assets::MemorySource::new()
+            .with("scene.json", &written.json)
+            .unwrap();
         for (path, bytes) in written.files {
             copy.insert(&path, bytes).unwrap();
         }
         let (again, diagnostics) = load("scene.json", &copy, &Overrides::default()).unwrap();
         assert_eq!(diagnostics, [], "{}", path.display());
         // Not `assert_eq`: nobody wants to see the difference of two such things in full.
-        assert!(again == desc, "{} changed on its way through JSON", path.display());
+        assert!(
+            again == desc,
+            "{} changed on its way through JSON",
+            path.display()
+        );
     }
 }
 

@@ -31,7 +31,10 @@ pub(super) fn write(mesh: &Mesh) -> Vec<u8> {
         out.extend_from_slice(&i.to_le_bytes());
     }
     // One more than the further keys, so that none at all differs from no deformation.
-    let keys = mesh.deformation.as_ref().map_or(0, |d| d.keys.len() as u64 + 1);
+    let keys = mesh
+        .deformation
+        .as_ref()
+        .map_or(0, |d| d.keys.len() as u64 + 1);
     out.extend_from_slice(&keys.to_le_bytes());
     if let Some(deformation) = &mesh.deformation {
         out.extend_from_slice(&deformation.first_time.to_le_bytes());
@@ -65,16 +68,24 @@ impl Reader<'_> {
     fn count(&mut self) -> Result<u64, String> {
         self.bytes().map(u64::from_le_bytes)
     }
-    fn rows<const N: usize, T>(&mut self, from: impl Fn([u8; 4]) -> T + Copy) -> Result<Vec<[T; N]>, String> {
+    fn rows<const N: usize, T>(
+        &mut self,
+        from: impl Fn([u8; 4]) -> T + Copy,
+    ) -> Result<Vec<[T; N]>, String> {
         let count = self.count()?;
         let bytes = count.saturating_mul(4 * N as u64);
         if bytes > self.rest.len() as u64 {
-            return self.fail(&format!("{count} rows are promised, more than the bytes that are left can hold"));
+            return self.fail(&format!(
+                "{count} rows are promised, more than the bytes that are left can hold"
+            ));
         }
         let (now, rest) = self.rest.split_at(bytes as usize);
         self.rest = rest;
         let (words, _) = now.as_chunks::<4>();
-        Ok(words.chunks_exact(N).map(|row| std::array::from_fn(|i| from(row[i]))).collect())
+        Ok(words
+            .chunks_exact(N)
+            .map(|row| std::array::from_fn(|i| from(row[i])))
+            .collect())
     }
     fn floats<const N: usize>(&mut self) -> Result<Vec<[f32; N]>, String> {
         self.rows(f32::from_le_bytes)
@@ -82,17 +93,26 @@ impl Reader<'_> {
 }
 
 pub(super) fn read(bytes: &[u8]) -> Result<Mesh, String> {
-    let Some(rest) = bytes.strip_prefix(MAGIC) else { return Err("not a mesh buffer of this version".into()) };
-    let mut reader = Reader { rest, size: bytes.len() };
+    let Some(rest) = bytes.strip_prefix(MAGIC) else {
+        return Err("not a mesh buffer of this version".into());
+    };
+    let mut reader = Reader {
+        rest,
+        size: bytes.len(),
+    };
     let positions = Arc::new(reader.floats::<3>()?);
     let normals = Arc::new(reader.floats::<3>()?);
     let tangents = Arc::new(reader.floats::<4>()?);
     let colors = Arc::new(reader.floats::<4>()?);
     let sets = reader.count()?;
     if sets > MAX_SETS {
-        return reader.fail(&format!("{sets} sets of texture coordinates; the limit is {MAX_SETS}"));
+        return reader.fail(&format!(
+            "{sets} sets of texture coordinates; the limit is {MAX_SETS}"
+        ));
     }
-    let uvs = (0..sets).map(|_| reader.floats::<2>().map(Arc::new)).collect::<Result<_, _>>()?;
+    let uvs = (0..sets)
+        .map(|_| reader.floats::<2>().map(Arc::new))
+        .collect::<Result<_, _>>()?;
     let indices = Arc::new(reader.rows::<3, u32>(u32::from_le_bytes)?);
     let keys = reader.count()?;
     if keys > MAX_SETS {
@@ -105,12 +125,28 @@ pub(super) fn read(bytes: &[u8]) -> Result<Mesh, String> {
         let mut further = Vec::new();
         for _ in 1..keys {
             let time = f64::from_le_bytes(reader.bytes()?);
-            further.push(DeformationKey { time, positions: reader.floats()?, normals: reader.floats()? });
+            further.push(DeformationKey {
+                time,
+                positions: reader.floats()?,
+                normals: reader.floats()?,
+            });
         }
-        Some(Arc::new(Deformation { first_time, keys: further }))
+        Some(Arc::new(Deformation {
+            first_time,
+            keys: further,
+        }))
     };
     if !reader.rest.is_empty() {
         return reader.fail("bytes are left over");
     }
-    Ok(Mesh { name: String::new(), positions, normals, tangents, uvs, colors, indices, deformation })
+    Ok(Mesh {
+        name: String::new(),
+        positions,
+        normals,
+        tangents,
+        uvs,
+        colors,
+        indices,
+        deformation,
+    })
 }

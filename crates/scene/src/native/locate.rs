@@ -20,7 +20,7 @@ pub(super) fn escape(name: &str) -> String {
 }
 
 /// Walks over a text and calls back where values begin, until that says stop. Returns what is open at
-/// the end.
+/// the end, a name that waits for its value included.
 fn walk(bytes: &[u8], mut value: impl FnMut(&[Level], usize) -> bool) -> Vec<Level> {
     let mut levels: Vec<Level> = Vec::new();
     let mut expect = true;
@@ -61,22 +61,33 @@ fn walk(bytes: &[u8], mut value: impl FnMut(&[Level], usize) -> bool) -> Vec<Lev
             }
             b',' if at + 1 < bytes.len() => match levels.last_mut() {
                 Some(Level::Array(index)) => {
+                    name = None;
                     *index += 1;
                     expect = true;
                 }
-                Some(Level::Object(key)) => *key = None,
+                Some(Level::Object(key)) => {
+                    name = None;
+                    *key = None;
+                }
                 None => {}
             },
             _ => {}
         }
         at += 1;
     }
+    if let (Some(Level::Object(key @ None)), Some(name)) = (levels.last_mut(), name) {
+        *key = Some(name);
+    }
     levels
 }
 
 /// The pointer of the innermost value that contains a position (line and column from 1).
 pub(super) fn pointer(text: &str, line: usize, column: usize) -> String {
-    let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+    let start: usize = text
+        .split_inclusive('\n')
+        .take(line.saturating_sub(1))
+        .map(str::len)
+        .sum();
     let end = (start + column).min(text.len());
     path(&walk(&text.as_bytes()[..end], |_, _| false))
 }

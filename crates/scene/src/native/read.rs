@@ -15,13 +15,19 @@ const VERSION: u32 = 1;
 
 /// Reads a scene.
 pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issue> {
-    let place = Place { file: main.to_owned(), ..Place::default() };
+    let place = Place {
+        file: main.to_owned(),
+        ..Place::default()
+    };
     let bytes = cx.read(&place, main)?;
     // Numbers as text take no less room than the arrays that are made of them; two copies may exist.
     cx.charge(&place, bytes.len() as u64)?;
     let mut raw: &[u8] = &bytes;
     if let Some(rest) = raw.strip_prefix(b"\xef\xbb\xbf") {
-        cx.warn(&place, "the file begins with a byte-order mark; it is skipped");
+        cx.warn(
+            &place,
+            "the file begins with a byte-order mark; it is skipped",
+        );
         raw = rest;
     }
     let text = std::str::from_utf8(raw).map_err(|_| Issue::new(&place, "not UTF-8 text"))?;
@@ -36,7 +42,13 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
         Issue::new(&at, explain(&error.to_string()))
     })?;
     if scene.brolly != VERSION {
-        return Err(Issue::new(&place, format!("version {} of the format; this program reads {VERSION}", scene.brolly)));
+        return Err(Issue::new(
+            &place,
+            format!(
+                "version {} of the format; this program reads {VERSION}",
+                scene.brolly
+            ),
+        ));
     }
     let mut reader = Reader {
         cx,
@@ -55,7 +67,9 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
 
 /// serde's words, without its own position and with a suggestion.
 fn explain(error: &str) -> String {
-    let message = error.rsplit_once(" at line ").map_or(error, |(message, _)| message);
+    let message = error
+        .rsplit_once(" at line ")
+        .map_or(error, |(message, _)| message);
     for what in ["unknown field", "unknown variant"] {
         if let Some(rest) = message.strip_prefix(what) {
             let mut names = rest.split('`').skip(1).step_by(2);
@@ -102,20 +116,26 @@ fn step(step: &Step) -> Result<DAffine3, String> {
         Step::Translate(by) => DAffine3::from_translation(DVec3::from_array(*by)),
         Step::Scale(by) => DAffine3::from_scale(DVec3::from_array(*by)),
         Step::Rotate { axis, degrees } => {
-            let axis = DVec3::from_array(*axis).try_normalize().ok_or("a rotation about an axis of no length")?;
+            let axis = DVec3::from_array(*axis)
+                .try_normalize()
+                .ok_or("a rotation about an axis of no length")?;
             DAffine3::from_axis_angle(axis, degrees.to_radians())
         }
         Step::Matrix(m) => rows(m),
-        Step::LookAt { from, at, up } => {
-            crate::apply::look_at(DVec3::from_array(*from), DVec3::from_array(*at), DVec3::from_array(*up))?
-        }
+        Step::LookAt { from, at, up } => crate::apply::look_at(
+            DVec3::from_array(*from),
+            DVec3::from_array(*at),
+            DVec3::from_array(*up),
+        )?,
     })
 }
 
 fn steps(list: &[Step]) -> Result<DAffine3, String> {
     // A single matrix stays as it is, bit for bit.
     let mut all = list.iter().map(step);
-    let Some(first) = all.next() else { return Ok(DAffine3::IDENTITY) };
+    let Some(first) = all.next() else {
+        return Ok(DAffine3::IDENTITY);
+    };
     all.try_fold(first?, |sum, next| Ok(next? * sum))
 }
 
@@ -126,8 +146,15 @@ fn motion(placement: &Placement) -> Result<Motion, String> {
             if keys.is_empty() {
                 return Err("a motion without keys".into());
             }
-            let key = |key: &super::values::Key| Ok(MotionKey { time: key.time, transform: steps(&key.transform)? });
-            Ok(Motion { keys: keys.iter().map(key).collect::<Result<_, String>>()? })
+            let key = |key: &super::values::Key| {
+                Ok(MotionKey {
+                    time: key.time,
+                    transform: steps(&key.transform)?,
+                })
+            };
+            Ok(Motion {
+                keys: keys.iter().map(key).collect::<Result<_, String>>()?,
+            })
         }
     }
 }
@@ -150,8 +177,13 @@ fn encoding(encoding: json::Encoding) -> Encoding {
 
 fn map(map: &json::Map) -> UvMap {
     match map {
-        json::Map::Uv { set, matrix } => UvMap::Uv { set: *set, matrix: *matrix },
-        json::Map::Planar { matrix } => UvMap::Planar { matrix: rows(matrix) },
+        json::Map::Uv { set, matrix } => UvMap::Uv {
+            set: *set,
+            matrix: *matrix,
+        },
+        json::Map::Planar { matrix } => UvMap::Planar {
+            matrix: rows(matrix),
+        },
     }
 }
 
@@ -159,7 +191,12 @@ impl Reader<'_, '_, '_> {
     /// The place of a value, by its pointer.
     fn at(&self, pointer: &str) -> Place {
         let (line, column) = locate::position(self.text, pointer).unzip();
-        Place { line, column, pointer: Some(pointer.to_owned()), ..self.place.clone() }
+        Place {
+            line,
+            column,
+            pointer: Some(pointer.to_owned()),
+            ..self.place.clone()
+        }
     }
 
     /// Keeps a value or notes what is wrong with it.
@@ -177,7 +214,8 @@ impl Reader<'_, '_, '_> {
     fn scene(&mut self, scene: json::Scene) -> Result<SceneDesc, Issue> {
         let camera = self.camera(&scene.camera);
         let camera = self.keep("/camera", camera);
-        let integrator = crate::apply::integrator(&scene.integrator.name, scene.integrator.max_depth);
+        let integrator =
+            crate::apply::integrator(&scene.integrator.name, scene.integrator.max_depth);
         let integrator = self.keep("/integrator/name", integrator);
         for (name, image) in &scene.images.0 {
             let pointer = format!("/images/{}/file", locate::escape(name));
@@ -193,7 +231,8 @@ impl Reader<'_, '_, '_> {
             let texture = self.texture(texture, &pointer);
             // A texture that failed keeps its name, so that only the first error is reported.
             let texture = self.keep(&pointer, texture).unwrap_or(Texture::VertexColor);
-            self.textures.insert(name.clone(), TextureId(textures.len() as u32));
+            self.textures
+                .insert(name.clone(), TextureId(textures.len() as u32));
             textures.push(texture);
         }
         let mut materials = Vec::new();
@@ -201,7 +240,8 @@ impl Reader<'_, '_, '_> {
             let pointer = format!("/materials/{}", locate::escape(name));
             let material = self.material(name, material);
             if let Some(material) = self.keep(&pointer, material) {
-                self.materials.insert(name.clone(), MaterialId(materials.len() as u32));
+                self.materials
+                    .insert(name.clone(), MaterialId(materials.len() as u32));
                 materials.push(material);
             } else {
                 self.materials.insert(name.clone(), MaterialId(0));
@@ -223,7 +263,11 @@ impl Reader<'_, '_, '_> {
             let pointer = format!("/groups/{}", locate::escape(&name));
             let primitives = self.primitives(group.primitives, &format!("{pointer}/primitives"));
             let instances = self.instances(&group.instances, &format!("{pointer}/instances"));
-            groups.push(Group { name, primitives, instances });
+            groups.push(Group {
+                name,
+                primitives,
+                instances,
+            });
         }
         let primitives = self.primitives(scene.primitives, "/primitives");
         let instances = self.instances(&scene.instances, "/instances");
@@ -236,10 +280,23 @@ impl Reader<'_, '_, '_> {
         let (Some(camera), Some(integrator)) = (camera, integrator) else {
             return Err(Issue::new(&self.place, "the scene cannot be used"));
         };
-        let json::Film { size: [width, height], crop, filter, exposure, max_component } = scene.film;
+        let json::Film {
+            size: [width, height],
+            crop,
+            filter,
+            exposure,
+            max_component,
+        } = scene.film;
         Ok(SceneDesc {
             camera,
-            film: FilmDesc { width, height, crop, filter, exposure: exposure.0, max_component },
+            film: FilmDesc {
+                width,
+                height,
+                crop,
+                filter,
+                exposure: exposure.0,
+                max_component,
+            },
             integrator,
             sampler: scene.sampler,
             spp: scene.spp,
@@ -259,14 +316,22 @@ impl Reader<'_, '_, '_> {
         let looks = camera.look_from.is_some() || camera.look_at.is_some() || camera.up.is_some();
         let transform = match &camera.transform {
             Some(_) if looks => {
-                return Err("a camera has either \"transform\" or \"look_from\", \"look_at\" and \"up\"".into());
+                return Err(
+                    "a camera has either \"transform\" or \"look_from\", \"look_at\" and \"up\""
+                        .into(),
+                );
             }
             Some(placement) => motion(placement)?,
             None => {
-                let vector = |v: Option<[f64; 3]>, default: DVec3| v.map_or(default, DVec3::from_array);
+                let vector =
+                    |v: Option<[f64; 3]>, default: DVec3| v.map_or(default, DVec3::from_array);
                 let from = vector(camera.look_from, DVec3::new(0.0, 0.0, 5.0));
                 let at = vector(camera.look_at, DVec3::ZERO);
-                Motion::fixed(crate::apply::look_at(from, at, vector(camera.up, DVec3::Y))?)
+                Motion::fixed(crate::apply::look_at(
+                    from,
+                    at,
+                    vector(camera.up, DVec3::Y),
+                )?)
             }
         };
         let lens = camera.lens.clone().map(|l| Lens {
@@ -276,20 +341,52 @@ impl Reader<'_, '_, '_> {
             anamorphic: l.anamorphic,
         });
         let projection = match (&camera.projection, camera.vfov) {
-            (Some(_), Some(_)) => return Err("a camera has either \"vfov\" or \"projection\"".into()),
+            (Some(_), Some(_)) => {
+                return Err("a camera has either \"vfov\" or \"projection\"".into());
+            }
             (None, vfov) => {
                 let fov = vfov.unwrap_or(40.0);
-                Projection::Perspective { fov, fov_axis: FovAxis::Vertical, window: None, lens }
+                Projection::Perspective {
+                    fov,
+                    fov_axis: FovAxis::Vertical,
+                    window: None,
+                    lens,
+                }
             }
-            (Some(json::Projection::Perspective { fov, fov_axis, window }), None) => {
-                Projection::Perspective { fov: *fov, fov_axis: *fov_axis, window: *window, lens }
+            (
+                Some(json::Projection::Perspective {
+                    fov,
+                    fov_axis,
+                    window,
+                }),
+                None,
+            ) => Projection::Perspective {
+                fov: *fov,
+                fov_axis: *fov_axis,
+                window: *window,
+                lens,
+            },
+            (
+                Some(json::Projection::Orthographic {
+                    half_height,
+                    window,
+                }),
+                None,
+            ) => Projection::Orthographic {
+                half_height: *half_height,
+                window: *window,
+                lens,
+            },
+            (Some(json::Projection::Spherical { mapping }), None) => {
+                Projection::Spherical { mapping: *mapping }
             }
-            (Some(json::Projection::Orthographic { half_height, window }), None) => {
-                Projection::Orthographic { half_height: *half_height, window: *window, lens }
-            }
-            (Some(json::Projection::Spherical { mapping }), None) => Projection::Spherical { mapping: *mapping },
         };
-        Ok(Camera { transform, projection, shutter: camera.shutter, shutter_curve: camera.shutter_curve.clone() })
+        Ok(Camera {
+            transform,
+            projection,
+            shutter: camera.shutter,
+            shutter_curve: camera.shutter_curve.clone(),
+        })
     }
 
     fn image(&mut self, name: &str, pointer: &str) -> Result<ImageId, String> {
@@ -297,16 +394,21 @@ impl Reader<'_, '_, '_> {
             return Ok(id);
         }
         let place = self.at(pointer);
-        self.cx.image(&place, name, Encoding::Auto).map_err(|issue| {
-            let near = crate::suggest::did_you_mean(name, self.images.keys().map(String::as_str));
-            format!("{}{near}", issue.reason)
-        })
+        self.cx
+            .image(&place, name, Encoding::Auto)
+            .map_err(|issue| {
+                let near =
+                    crate::suggest::did_you_mean(name, self.images.keys().map(String::as_str));
+                format!("{}{near}", issue.reason)
+            })
     }
 
     fn color(&self, value: &ColorValue) -> Result<ColorTex, String> {
         match value {
             ColorValue::Const(rgb) => Ok(ColorTex::Const(*rgb)),
-            ColorValue::Texture(name) => lookup("texture", name, &self.textures).map(ColorTex::Texture),
+            ColorValue::Texture(name) => {
+                lookup("texture", name, &self.textures).map(ColorTex::Texture)
+            }
         }
     }
 
@@ -322,7 +424,14 @@ impl Reader<'_, '_, '_> {
     fn texture(&mut self, texture: &json::Texture, pointer: &str) -> Result<Texture, String> {
         Ok(match texture {
             json::Texture::Constant { value } => Texture::Constant { value: *value },
-            json::Texture::Image { image, map: m, wrap, nearest, invert, scale } => Texture::Image {
+            json::Texture::Image {
+                image,
+                map: m,
+                wrap,
+                nearest,
+                invert,
+                scale,
+            } => Texture::Image {
                 image: self.image(image, &format!("{pointer}/image/image"))?,
                 map: map(m),
                 wrap: *wrap,
@@ -330,9 +439,11 @@ impl Reader<'_, '_, '_> {
                 invert: *invert,
                 scale: *scale,
             },
-            json::Texture::Checkerboard { map: m, even, odd } => {
-                Texture::Checkerboard { map: map(m), even: self.color(even)?, odd: self.color(odd)? }
-            }
+            json::Texture::Checkerboard { map: m, even, odd } => Texture::Checkerboard {
+                map: map(m),
+                even: self.color(even)?,
+                odd: self.color(odd)?,
+            },
             json::Texture::Scale { a, by, by_color } => Texture::Scale {
                 a: self.color(a)?,
                 b: match (by, by_color) {
@@ -341,10 +452,15 @@ impl Reader<'_, '_, '_> {
                     _ => return Err("a product needs one of \"by\" and \"by_color\"".into()),
                 },
             },
-            json::Texture::Mix { a, b, amount } => {
-                Texture::Mix { a: self.color(a)?, b: self.color(b)?, amount: self.float(amount)? }
-            }
-            json::Texture::Bilerp { map: m, corners } => Texture::Bilerp { map: map(m), corners: corners.map(|c| c.0) },
+            json::Texture::Mix { a, b, amount } => Texture::Mix {
+                a: self.color(a)?,
+                b: self.color(b)?,
+                amount: self.float(amount)?,
+            },
+            json::Texture::Bilerp { map: m, corners } => Texture::Bilerp {
+                map: map(m),
+                corners: corners.map(|c| c.0),
+            },
             json::Texture::VertexColor => Texture::VertexColor,
         })
     }
@@ -352,12 +468,19 @@ impl Reader<'_, '_, '_> {
     fn roughness(&self, roughness: &json::Roughness) -> Result<Roughness, String> {
         let u = self.float(&roughness.u)?;
         let v = roughness.v.as_ref().map_or(Ok(u), |v| self.float(v))?;
-        Ok(Roughness { u, v, scale: roughness.scale })
+        Ok(Roughness {
+            u,
+            v,
+            scale: roughness.scale,
+        })
     }
 
     fn fresnel(&self, fresnel: &json::Fresnel) -> Result<ConductorFresnel, String> {
         Ok(match fresnel {
-            json::Fresnel::EtaK { eta, k } => ConductorFresnel::EtaK { eta: self.color(eta)?, k: self.color(k)? },
+            json::Fresnel::EtaK { eta, k } => ConductorFresnel::EtaK {
+                eta: self.color(eta)?,
+                k: self.color(k)?,
+            },
             json::Fresnel::Reflectance(r) => ConductorFresnel::Reflectance(self.color(r)?),
         })
     }
@@ -377,63 +500,108 @@ impl Reader<'_, '_, '_> {
     fn material(&self, name: &str, material: &json::Material) -> Result<Material, String> {
         let other = |name: &String| lookup("material", name, &self.materials);
         let bsdf = match &material.bsdf {
-            json::Bsdf::Diffuse { reflectance } => BsdfDesc::Diffuse { reflectance: self.color(reflectance)? },
-            json::Bsdf::OrenNayar { reflectance, sigma } => {
-                BsdfDesc::OrenNayar { reflectance: self.color(reflectance)?, sigma: self.float(sigma)? }
-            }
-            json::Bsdf::Phong { diffuse, specular, exponent } => BsdfDesc::Phong {
+            json::Bsdf::Diffuse { reflectance } => BsdfDesc::Diffuse {
+                reflectance: self.color(reflectance)?,
+            },
+            json::Bsdf::OrenNayar { reflectance, sigma } => BsdfDesc::OrenNayar {
+                reflectance: self.color(reflectance)?,
+                sigma: self.float(sigma)?,
+            },
+            json::Bsdf::Phong {
+                diffuse,
+                specular,
+                exponent,
+            } => BsdfDesc::Phong {
                 diffuse: self.color(diffuse)?,
                 specular: self.color(specular)?,
                 exponent: self.float(exponent)?,
             },
-            json::Bsdf::Lafortune { diffuse, lobes } => {
-                BsdfDesc::Lafortune { diffuse: self.color(diffuse)?, lobes: lobes.clone() }
-            }
-            json::Bsdf::Mirror { reflectance } => BsdfDesc::Mirror { reflectance: self.color(reflectance)? },
-            json::Bsdf::Dielectric { ior, roughness, reflect_tint, transmit_tint } => BsdfDesc::Dielectric {
+            json::Bsdf::Lafortune { diffuse, lobes } => BsdfDesc::Lafortune {
+                diffuse: self.color(diffuse)?,
+                lobes: lobes.clone(),
+            },
+            json::Bsdf::Mirror { reflectance } => BsdfDesc::Mirror {
+                reflectance: self.color(reflectance)?,
+            },
+            json::Bsdf::Dielectric {
+                ior,
+                roughness,
+                reflect_tint,
+                transmit_tint,
+            } => BsdfDesc::Dielectric {
                 ior: *ior,
                 roughness: self.roughness(roughness)?,
                 reflect_tint: self.color(reflect_tint)?,
                 transmit_tint: self.color(transmit_tint)?,
             },
             json::Bsdf::ThinDielectric { ior } => BsdfDesc::ThinDielectric { ior: *ior },
-            json::Bsdf::Conductor { fresnel, roughness } => {
-                BsdfDesc::Conductor { fresnel: self.fresnel(fresnel)?, roughness: self.roughness(roughness)? }
-            }
-            json::Bsdf::CoatedDiffuse { reflectance, coat } => {
-                BsdfDesc::CoatedDiffuse { reflectance: self.color(reflectance)?, coat: self.coat(coat)? }
-            }
-            json::Bsdf::CoatedConductor { fresnel, roughness, coat } => BsdfDesc::CoatedConductor {
+            json::Bsdf::Conductor { fresnel, roughness } => BsdfDesc::Conductor {
+                fresnel: self.fresnel(fresnel)?,
+                roughness: self.roughness(roughness)?,
+            },
+            json::Bsdf::CoatedDiffuse { reflectance, coat } => BsdfDesc::CoatedDiffuse {
+                reflectance: self.color(reflectance)?,
+                coat: self.coat(coat)?,
+            },
+            json::Bsdf::CoatedConductor {
+                fresnel,
+                roughness,
+                coat,
+            } => BsdfDesc::CoatedConductor {
                 fresnel: self.fresnel(fresnel)?,
                 roughness: self.roughness(roughness)?,
                 coat: self.coat(coat)?,
             },
-            json::Bsdf::DiffuseTransmission { reflectance, transmittance } => BsdfDesc::DiffuseTransmission {
+            json::Bsdf::DiffuseTransmission {
+                reflectance,
+                transmittance,
+            } => BsdfDesc::DiffuseTransmission {
                 reflectance: self.color(reflectance)?,
                 transmittance: self.color(transmittance)?,
             },
-            json::Bsdf::Mix { a, b, amount } => {
-                BsdfDesc::Mix { a: other(a)?, b: other(b)?, amount: self.float(amount)? }
-            }
-            json::Bsdf::TwoSided { inner } => BsdfDesc::TwoSided { inner: other(inner)? },
+            json::Bsdf::Mix { a, b, amount } => BsdfDesc::Mix {
+                a: other(a)?,
+                b: other(b)?,
+                amount: self.float(amount)?,
+            },
+            json::Bsdf::TwoSided { inner } => BsdfDesc::TwoSided {
+                inner: other(inner)?,
+            },
             json::Bsdf::Interface => BsdfDesc::Interface,
         };
         let normal_map = match &material.normal_map {
-            Some(map) => Some((lookup("texture", &map.texture, &self.textures)?, map.strength)),
+            Some(map) => Some((
+                lookup("texture", &map.texture, &self.textures)?,
+                map.strength,
+            )),
             None => None,
         };
-        let bump_map = material.bump_map.as_ref().map(|b| self.float(b)).transpose()?;
-        Ok(Material { name: name.to_owned(), bsdf, normal_map, bump_map })
+        let bump_map = material
+            .bump_map
+            .as_ref()
+            .map(|b| self.float(b))
+            .transpose()?;
+        Ok(Material {
+            name: name.to_owned(),
+            bsdf,
+            normal_map,
+            bump_map,
+        })
     }
 
     fn mesh(&mut self, name: String, mesh: json::Mesh, pointer: &str) -> Option<MeshId> {
         let place = self.at(pointer);
-        let result = self.mesh_data(&place, mesh).and_then(|data| self.cx.add_mesh(&place, Mesh { name, ..data }));
+        let result = self
+            .mesh_data(&place, mesh)
+            .and_then(|data| self.cx.add_mesh(&place, Mesh { name, ..data }));
         self.cx.keep(result)
     }
 
     fn mesh_data(&mut self, place: &Place, mesh: json::Mesh) -> Result<Mesh, Issue> {
-        let inline = !(mesh.normals.is_empty() && mesh.uvs.is_empty() && mesh.colors.is_empty() && mesh.indices.is_empty());
+        let inline = !(mesh.normals.is_empty()
+            && mesh.uvs.is_empty()
+            && mesh.colors.is_empty()
+            && mesh.indices.is_empty());
         match (mesh.ply, mesh.buffer, mesh.positions) {
             (Some(ply), None, None) if !inline => {
                 let path = self.cx.path(place, &ply)?;
@@ -448,12 +616,19 @@ impl Reader<'_, '_, '_> {
             (None, None, Some(positions)) => Ok(Mesh {
                 positions: Arc::new(positions),
                 normals: Arc::new(mesh.normals),
-                uvs: if mesh.uvs.is_empty() { Vec::new() } else { vec![Arc::new(mesh.uvs)] },
+                uvs: if mesh.uvs.is_empty() {
+                    Vec::new()
+                } else {
+                    vec![Arc::new(mesh.uvs)]
+                },
                 colors: Arc::new(mesh.colors),
                 indices: Arc::new(mesh.indices),
                 ..Mesh::default()
             }),
-            _ => Err(Issue::new(place, "a mesh has one of \"ply\", \"buffer\" and \"positions\" with \"indices\"")),
+            _ => Err(Issue::new(
+                place,
+                "a mesh has one of \"ply\", \"buffer\" and \"positions\" with \"indices\"",
+            )),
         }
     }
 
@@ -470,35 +645,62 @@ impl Reader<'_, '_, '_> {
         let shape = match primitive.shape {
             json::Shape::Mesh(name) => {
                 let id = lookup("mesh", &name, &self.meshes);
-                self.keep(&format!("{pointer}/shape/mesh"), id).map(Shape::Mesh)
+                self.keep(&format!("{pointer}/shape/mesh"), id)
+                    .map(Shape::Mesh)
             }
             json::Shape::Ply(file) => {
                 let place = self.at(&format!("{pointer}/shape/ply"));
                 let id = self.cx.ply(&place, &file);
                 self.cx.keep(id).map(Shape::Mesh)
             }
-            json::Shape::Triangles(mesh) => {
-                self.mesh(format!("triangles at {pointer}"), *mesh, &format!("{pointer}/shape/triangles")).map(Shape::Mesh)
-            }
+            json::Shape::Triangles(mesh) => self
+                .mesh(
+                    format!("triangles at {pointer}"),
+                    *mesh,
+                    &format!("{pointer}/shape/triangles"),
+                )
+                .map(Shape::Mesh),
             json::Shape::Sphere { radius } => Some(Shape::Sphere { radius }),
-            json::Shape::Disk { radius, inner_radius, height } => Some(Shape::Disk { radius, inner_radius, height }),
+            json::Shape::Disk {
+                radius,
+                inner_radius,
+                height,
+            } => Some(Shape::Disk {
+                radius,
+                inner_radius,
+                height,
+            }),
             json::Shape::Rectangle => Some(Shape::Rectangle),
         };
         let material = lookup("material", &primitive.material, &self.materials);
         let material = self.keep(&format!("{pointer}/material"), material);
-        let transform = self.keep(&format!("{pointer}/transform"), motion(&primitive.transform));
+        let transform = self.keep(
+            &format!("{pointer}/transform"),
+            motion(&primitive.transform),
+        );
         let emission = match &primitive.emission {
             None => None,
             Some(emission) => {
                 let radiance = self.color(&emission.radiance);
                 let radiance = self.keep(&format!("{pointer}/emission/radiance"), radiance)?;
-                Some(Emission { radiance, scale: emission.scale, two_sided: emission.two_sided })
+                Some(Emission {
+                    radiance,
+                    scale: emission.scale,
+                    two_sided: emission.two_sided,
+                })
             }
         };
         let alpha = primitive.alpha.as_ref().map(|a| self.float(a)).transpose();
         let alpha = self.keep(&format!("{pointer}/alpha"), alpha)?;
         let reverse_orientation = primitive.reverse_orientation;
-        Some(Primitive { shape: shape?, transform: transform?, material: material?, emission, alpha, reverse_orientation })
+        Some(Primitive {
+            shape: shape?,
+            transform: transform?,
+            material: material?,
+            emission,
+            alpha,
+            reverse_orientation,
+        })
     }
 
     fn instances(&mut self, list: &[json::Instance], pointer: &str) -> Vec<Instance> {
@@ -506,7 +708,10 @@ impl Reader<'_, '_, '_> {
         for (index, instance) in list.iter().enumerate() {
             let group = lookup("group", &instance.group, &self.groups);
             let group = self.keep(&format!("{pointer}/{index}/group"), group);
-            let transform = self.keep(&format!("{pointer}/{index}/transform"), motion(&instance.transform));
+            let transform = self.keep(
+                &format!("{pointer}/{index}/transform"),
+                motion(&instance.transform),
+            );
             if let (Some(group), Some(transform)) = (group, transform) {
                 out.push(Instance { group, transform });
             }
@@ -516,24 +721,47 @@ impl Reader<'_, '_, '_> {
 
     fn light(&mut self, light: &json::Light, pointer: &str) -> Result<Light, String> {
         Ok(match light {
-            json::Light::Point { intensity, transform } => {
-                Light::Point { transform: fixed(transform)?, intensity: intensity.0 }
-            }
-            json::Light::Spot { intensity, cone_angle, full_angle, falloff, transform } => Light::Spot {
+            json::Light::Point {
+                intensity,
+                transform,
+            } => Light::Point {
+                transform: fixed(transform)?,
+                intensity: intensity.0,
+            },
+            json::Light::Spot {
+                intensity,
+                cone_angle,
+                full_angle,
+                falloff,
+                transform,
+            } => Light::Spot {
                 transform: fixed(transform)?,
                 intensity: intensity.0,
                 cone_angle: *cone_angle,
                 full_angle: *full_angle,
                 falloff: *falloff,
             },
-            json::Light::Distant { direction, irradiance } => {
-                Light::Distant { direction: DVec3::from_array(*direction), irradiance: irradiance.0 }
-            }
-            json::Light::Environment { radiance, image, mapping, transform, hidden } => Light::Environment {
+            json::Light::Distant {
+                direction,
+                irradiance,
+            } => Light::Distant {
+                direction: DVec3::from_array(*direction),
+                irradiance: irradiance.0,
+            },
+            json::Light::Environment {
+                radiance,
+                image,
+                mapping,
+                transform,
+                hidden,
+            } => Light::Environment {
                 transform: fixed(transform)?,
                 radiance: radiance.0,
                 image: match image {
-                    Some(name) => Some((self.image(name, &format!("{pointer}/environment/image"))?, *mapping)),
+                    Some(name) => Some((
+                        self.image(name, &format!("{pointer}/environment/image"))?,
+                        *mapping,
+                    )),
                     None => None,
                 },
                 hidden: *hidden,

@@ -2,8 +2,8 @@
 
 use super::values::{Color, ColorValue, FloatValue, Named, Placement};
 use crate::model::{
-    Animation, Aperture, Filter, FovAxis, LafortuneLobe, RoughnessScale, SamplerKind, ScreenWindow, ShutterCurve,
-    SphereMapping, SpotFalloff, Wrap,
+    Animation, Aperture, Filter, FovAxis, LafortuneLobe, RoughnessScale, SamplerKind, ScreenWindow,
+    ShutterCurve, SphereMapping, SpotFalloff, Wrap,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -186,7 +186,13 @@ pub struct Film {
 impl Default for Film {
     fn default() -> Self {
         let filter = Filter::BlackmanHarris { radius: (1.5, 1.5) };
-        Film { size: [1280, 720], crop: None, filter, exposure: white_color(), max_component: None }
+        Film {
+            size: [1280, 720],
+            crop: None,
+            filter,
+            exposure: white_color(),
+            max_component: None,
+        }
     }
 }
 
@@ -202,7 +208,10 @@ pub struct Integrator {
 
 impl Default for Integrator {
     fn default() -> Self {
-        Integrator { name: "path".into(), max_depth: crate::apply::DEFAULT_DEPTH }
+        Integrator {
+            name: "path".into(),
+            max_depth: crate::apply::DEFAULT_DEPTH,
+        }
     }
 }
 
@@ -258,7 +267,10 @@ fn plain() -> [f64; 6] {
 
 impl Default for Map {
     fn default() -> Self {
-        Map::Uv { set: 0, matrix: plain() }
+        Map::Uv {
+            set: 0,
+            matrix: plain(),
+        }
     }
 }
 
@@ -385,7 +397,11 @@ fn alpha() -> RoughnessScale {
 
 impl Default for Roughness {
     fn default() -> Self {
-        Roughness { u: zero(), v: None, scale: RoughnessScale::Alpha }
+        Roughness {
+            u: zero(),
+            v: None,
+            scale: RoughnessScale::Alpha,
+        }
     }
 }
 
@@ -427,7 +443,15 @@ pub struct Coat {
 impl Default for Coat {
     fn default() -> Self {
         let roughness = Roughness::default();
-        Coat { ior: 1.5, roughness, thickness: 0.01, albedo: Color([0.0; 3]), g: 0.0, max_depth: 10, samples: 1 }
+        Coat {
+            ior: 1.5,
+            roughness,
+            thickness: 0.01,
+            albedo: Color([0.0; 3]),
+            g: 0.0,
+            max_depth: 10,
+            samples: 1,
+        }
     }
 }
 
@@ -724,5 +748,7 @@ fn lat_long() -> SphereMapping {
 pub fn schema() -> String {
     let schema = schemars::schema_for!(Scene);
     // A schema is made of maps with string keys: writing it cannot fail.
-    serde_json::to_string_pretty(&schema).map(|text| text + "\n").unwrap_or_default()
+    serde_json::to_string_pretty(&schema)
+        .map(|text| text + "\n")
+        .unwrap_or_default()
 }

@@ -49,7 +49,9 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Named<T> {
                 let mut entries = Vec::new();
                 while let Some(name) = map.next_key::<String>()? {
                     if !names.insert(name.clone()) {
-                        return Err(de::Error::custom(format_args!("the name {name:?} is there twice")));
+                        return Err(de::Error::custom(format_args!(
+                            "the name {name:?} is there twice"
+                        )));
                     }
                     entries.push((name, map.next_value()?));
                 }
@@ -148,7 +150,9 @@ impl<'de> Deserialize<'de> for ColorValue {
             fn visit_seq<A: SeqAccess<'de>>(self, mut seq: A) -> Result<Self::Value, A::Error> {
                 let mut rgb = [0.0f32; 3];
                 for (i, c) in rgb.iter_mut().enumerate() {
-                    *c = seq.next_element()?.ok_or_else(|| de::Error::invalid_length(i, &"three numbers"))?;
+                    *c = seq
+                        .next_element()?
+                        .ok_or_else(|| de::Error::invalid_length(i, &"three numbers"))?;
                 }
                 match seq.next_element::<de::IgnoredAny>()? {
                     None => Ok(ColorValue::Const(rgb)),
@@ -190,9 +194,11 @@ impl Serialize for FloatValue {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             FloatValue::Const(v) => v.serialize(serializer),
-            FloatValue::Texture(texture, channel) => {
-                TextureChannel { texture: texture.clone(), channel: *channel }.serialize(serializer)
+            FloatValue::Texture(texture, channel) => TextureChannel {
+                texture: texture.clone(),
+                channel: *channel,
             }
+            .serialize(serializer),
         }
     }
 }
@@ -203,7 +209,9 @@ impl<'de> Deserialize<'de> for FloatValue {
         impl<'de> Visitor<'de> for Any {
             type Value = FloatValue;
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a number, a texture's name, or {\"texture\": name, \"channel\": \"r\"}")
+                f.write_str(
+                    "a number, a texture's name, or {\"texture\": name, \"channel\": \"r\"}",
+                )
             }
             fn visit_f64<E: de::Error>(self, v: f64) -> Result<Self::Value, E> {
                 Ok(FloatValue::Const(v as f32))
@@ -330,7 +338,8 @@ impl<'de> Deserialize<'de> for Placement {
                 Vec::deserialize(de::value::SeqAccessDeserializer::new(seq)).map(Placement::Fixed)
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
-                Keys::deserialize(de::value::MapAccessDeserializer::new(map)).map(|k| Placement::Keys(k.keys))
+                Keys::deserialize(de::value::MapAccessDeserializer::new(map))
+                    .map(|k| Placement::Keys(k.keys))
             }
         }
         deserializer.deserialize_any(Any)

@@ -46,20 +46,52 @@ pub fn write(desc: &SceneDesc, assets: &dyn AssetSource) -> Result<Written, Writ
         if !image.missing && !files.iter().any(|(path, _)| *path == image.path) {
             files.push((image.path.clone(), assets.read(&image.path)?.to_vec()));
         }
-        images.push((format!("i{index}"), json::Image { file: image.path.clone(), encoding: encoding(image.encoding) }));
+        images.push((
+            format!("i{index}"),
+            json::Image {
+                file: image.path.clone(),
+                encoding: encoding(image.encoding),
+            },
+        ));
     }
     let numbered = |prefix: &str, index: usize| format!("{prefix}{index}");
-    let textures = desc.textures.iter().enumerate().map(|(i, t)| Ok((numbered("t", i), writer.texture(t)?)));
-    let materials = desc.materials.iter().map(|m| Ok((m.name.clone(), writer.material(m)?)));
+    let textures = desc
+        .textures
+        .iter()
+        .enumerate()
+        .map(|(i, t)| Ok((numbered("t", i), writer.texture(t)?)));
+    let materials = desc
+        .materials
+        .iter()
+        .map(|m| Ok((m.name.clone(), writer.material(m)?)));
     let groups = desc.groups.iter().map(|g| {
         let primitives = writer.primitives(&g.primitives)?;
-        Ok((g.name.clone(), json::Group { primitives, instances: writer.instances(&g.instances)? }))
+        Ok((
+            g.name.clone(),
+            json::Group {
+                primitives,
+                instances: writer.instances(&g.instances)?,
+            },
+        ))
     });
-    let FilmDesc { width, height, crop, filter, exposure, max_component } = desc.film.clone();
+    let FilmDesc {
+        width,
+        height,
+        crop,
+        filter,
+        exposure,
+        max_component,
+    } = desc.film.clone();
     let scene = json::Scene {
         brolly: 1,
         camera: camera(&desc.camera),
-        film: json::Film { size: [width, height], crop, filter, exposure: Color(exposure), max_component },
+        film: json::Film {
+            size: [width, height],
+            crop,
+            filter,
+            exposure: Color(exposure),
+            max_component,
+        },
         integrator: integrator(desc.integrator),
         sampler: desc.sampler,
         spp: desc.spp,
@@ -97,24 +129,40 @@ fn integrator(integrator: Integrator) -> json::Integrator {
         Integrator::Depth => ("depth", plain),
         Integrator::Uv => ("uv", plain),
     };
-    json::Integrator { name: name.into(), max_depth }
+    json::Integrator {
+        name: name.into(),
+        max_depth,
+    }
 }
 
 fn rows(m: &DAffine3) -> [f64; 12] {
     let (a, t) = (m.matrix3, m.translation);
     let row = |i: usize| [a.x_axis[i], a.y_axis[i], a.z_axis[i], t[i]];
     let (x, y, z) = (row(0), row(1), row(2));
-    [x[0], x[1], x[2], x[3], y[0], y[1], y[2], y[3], z[0], z[1], z[2], z[3]]
+    [
+        x[0], x[1], x[2], x[3], y[0], y[1], y[2], y[3], z[0], z[1], z[2], z[3],
+    ]
 }
 
 fn steps(m: &DAffine3) -> Vec<Step> {
-    if *m == DAffine3::IDENTITY { Vec::new() } else { vec![Step::Matrix(rows(m))] }
+    if *m == DAffine3::IDENTITY {
+        Vec::new()
+    } else {
+        vec![Step::Matrix(rows(m))]
+    }
 }
 
 fn placement(motion: &Motion) -> Placement {
     match motion.keys.as_slice() {
         [only] if only.time == 0.0 => Placement::Fixed(steps(&only.transform)),
-        keys => Placement::Keys(keys.iter().map(|k| Key { time: k.time, transform: steps(&k.transform) }).collect()),
+        keys => Placement::Keys(
+            keys.iter()
+                .map(|k| Key {
+                    time: k.time,
+                    transform: steps(&k.transform),
+                })
+                .collect(),
+        ),
     }
 }
 
@@ -128,13 +176,33 @@ fn camera(camera: &Camera) -> json::Camera {
         })
     };
     let (projection, lens) = match &camera.projection {
-        Projection::Perspective { fov, fov_axis, window, lens: l } => {
-            (json::Projection::Perspective { fov: *fov, fov_axis: *fov_axis, window: *window }, lens(l))
+        Projection::Perspective {
+            fov,
+            fov_axis,
+            window,
+            lens: l,
+        } => (
+            json::Projection::Perspective {
+                fov: *fov,
+                fov_axis: *fov_axis,
+                window: *window,
+            },
+            lens(l),
+        ),
+        Projection::Orthographic {
+            half_height,
+            window,
+            lens: l,
+        } => (
+            json::Projection::Orthographic {
+                half_height: *half_height,
+                window: *window,
+            },
+            lens(l),
+        ),
+        Projection::Spherical { mapping } => {
+            (json::Projection::Spherical { mapping: *mapping }, None)
         }
-        Projection::Orthographic { half_height, window, lens: l } => {
-            (json::Projection::Orthographic { half_height: *half_height, window: *window }, lens(l))
-        }
-        Projection::Spherical { mapping } => (json::Projection::Spherical { mapping: *mapping }, None),
     };
     json::Camera {
         transform: Some(placement(&camera.transform)),
@@ -148,8 +216,13 @@ fn camera(camera: &Camera) -> json::Camera {
 
 fn map(map: &UvMap) -> json::Map {
     match map {
-        UvMap::Uv { set, matrix } => json::Map::Uv { set: *set, matrix: *matrix },
-        UvMap::Planar { matrix } => json::Map::Planar { matrix: rows(matrix) },
+        UvMap::Uv { set, matrix } => json::Map::Uv {
+            set: *set,
+            matrix: *matrix,
+        },
+        UvMap::Planar { matrix } => json::Map::Planar {
+            matrix: rows(matrix),
+        },
     }
 }
 
@@ -172,12 +245,19 @@ fn texture_name(id: TextureId) -> String {
 }
 
 fn roughness(r: &Roughness) -> json::Roughness {
-    json::Roughness { u: float(&r.u), v: (r.v != r.u).then(|| float(&r.v)), scale: r.scale }
+    json::Roughness {
+        u: float(&r.u),
+        v: (r.v != r.u).then(|| float(&r.v)),
+        scale: r.scale,
+    }
 }
 
 fn fresnel(f: &ConductorFresnel) -> json::Fresnel {
     match f {
-        ConductorFresnel::EtaK { eta, k } => json::Fresnel::EtaK { eta: color(eta), k: color(k) },
+        ConductorFresnel::EtaK { eta, k } => json::Fresnel::EtaK {
+            eta: color(eta),
+            k: color(k),
+        },
         ConductorFresnel::Reflectance(r) => json::Fresnel::Reflectance(color(r)),
     }
 }
@@ -200,7 +280,10 @@ struct Writer<'d> {
 
 impl Writer<'_> {
     fn mesh(&self, index: usize, mesh: &Mesh) -> (json::Mesh, String, Vec<u8>) {
-        let plain = mesh.tangents.is_empty() && mesh.colors.is_empty() && mesh.deformation.is_none() && mesh.uvs.len() <= 1;
+        let plain = mesh.tangents.is_empty()
+            && mesh.colors.is_empty()
+            && mesh.deformation.is_none()
+            && mesh.uvs.len() <= 1;
         if plain && !mesh.indices.is_empty() && mesh.uvs.first().is_none_or(|uvs| !uvs.is_empty()) {
             let path = format!("meshes/{index:05}.ply");
             let bytes = ply::write(&ply::PlyMesh {
@@ -209,20 +292,45 @@ impl Writer<'_> {
                 uvs: mesh.uvs.first().map(|uvs| uvs.to_vec()).unwrap_or_default(),
                 indices: mesh.indices.to_vec(),
             });
-            return (json::Mesh { ply: Some(path.clone()), ..json::Mesh::default() }, path, bytes);
+            return (
+                json::Mesh {
+                    ply: Some(path.clone()),
+                    ..json::Mesh::default()
+                },
+                path,
+                bytes,
+            );
         }
         let path = format!("meshes/{index:05}.bin");
-        (json::Mesh { buffer: Some(path.clone()), ..json::Mesh::default() }, path, buffer::write(mesh))
+        (
+            json::Mesh {
+                buffer: Some(path.clone()),
+                ..json::Mesh::default()
+            },
+            path,
+            buffer::write(mesh),
+        )
     }
 
     fn material_name(&self, id: MaterialId) -> Result<String, WriteError> {
-        self.desc.materials.get(id.index()).map(|m| m.name.clone()).ok_or(WriteError::Invalid("material"))
+        self.desc
+            .materials
+            .get(id.index())
+            .map(|m| m.name.clone())
+            .ok_or(WriteError::Invalid("material"))
     }
 
     fn texture(&self, texture: &Texture) -> Result<json::Texture, WriteError> {
         Ok(match texture {
             Texture::Constant { value } => json::Texture::Constant { value: *value },
-            Texture::Image { image, map: m, wrap, nearest, invert, scale } => json::Texture::Image {
+            Texture::Image {
+                image,
+                map: m,
+                wrap,
+                nearest,
+                invert,
+                scale,
+            } => json::Texture::Image {
                 image: format!("i{}", image.0),
                 map: map(m),
                 wrap: *wrap,
@@ -230,66 +338,121 @@ impl Writer<'_> {
                 invert: *invert,
                 scale: *scale,
             },
-            Texture::Checkerboard { map: m, even, odd } => {
-                json::Texture::Checkerboard { map: map(m), even: color(even), odd: color(odd) }
-            }
+            Texture::Checkerboard { map: m, even, odd } => json::Texture::Checkerboard {
+                map: map(m),
+                even: color(even),
+                odd: color(odd),
+            },
             Texture::Scale { a, b } => {
                 let (by, by_color) = match b {
                     FloatOrColor::Float(b) => (Some(float(b)), None),
                     FloatOrColor::Color(b) => (None, Some(color(b))),
                 };
-                json::Texture::Scale { a: color(a), by, by_color }
+                json::Texture::Scale {
+                    a: color(a),
+                    by,
+                    by_color,
+                }
             }
-            Texture::Mix { a, b, amount } => json::Texture::Mix { a: color(a), b: color(b), amount: float(amount) },
-            Texture::Bilerp { map: m, corners } => json::Texture::Bilerp { map: map(m), corners: corners.map(Color) },
+            Texture::Mix { a, b, amount } => json::Texture::Mix {
+                a: color(a),
+                b: color(b),
+                amount: float(amount),
+            },
+            Texture::Bilerp { map: m, corners } => json::Texture::Bilerp {
+                map: map(m),
+                corners: corners.map(Color),
+            },
             Texture::VertexColor => json::Texture::VertexColor,
         })
     }
 
     fn material(&self, material: &Material) -> Result<json::Material, WriteError> {
         let bsdf = match &material.bsdf {
-            BsdfDesc::Diffuse { reflectance } => json::Bsdf::Diffuse { reflectance: color(reflectance) },
-            BsdfDesc::OrenNayar { reflectance, sigma } => {
-                json::Bsdf::OrenNayar { reflectance: color(reflectance), sigma: float(sigma) }
-            }
-            BsdfDesc::Phong { diffuse, specular, exponent } => json::Bsdf::Phong {
+            BsdfDesc::Diffuse { reflectance } => json::Bsdf::Diffuse {
+                reflectance: color(reflectance),
+            },
+            BsdfDesc::OrenNayar { reflectance, sigma } => json::Bsdf::OrenNayar {
+                reflectance: color(reflectance),
+                sigma: float(sigma),
+            },
+            BsdfDesc::Phong {
+                diffuse,
+                specular,
+                exponent,
+            } => json::Bsdf::Phong {
                 diffuse: color(diffuse),
                 specular: color(specular),
                 exponent: float(exponent),
             },
-            BsdfDesc::Lafortune { diffuse, lobes } => {
-                json::Bsdf::Lafortune { diffuse: color(diffuse), lobes: lobes.clone() }
-            }
-            BsdfDesc::Mirror { reflectance } => json::Bsdf::Mirror { reflectance: color(reflectance) },
-            BsdfDesc::Dielectric { ior, roughness: r, reflect_tint, transmit_tint } => json::Bsdf::Dielectric {
+            BsdfDesc::Lafortune { diffuse, lobes } => json::Bsdf::Lafortune {
+                diffuse: color(diffuse),
+                lobes: lobes.clone(),
+            },
+            BsdfDesc::Mirror { reflectance } => json::Bsdf::Mirror {
+                reflectance: color(reflectance),
+            },
+            BsdfDesc::Dielectric {
+                ior,
+                roughness: r,
+                reflect_tint,
+                transmit_tint,
+            } => json::Bsdf::Dielectric {
                 ior: *ior,
                 roughness: roughness(r),
                 reflect_tint: color(reflect_tint),
                 transmit_tint: color(transmit_tint),
             },
             BsdfDesc::ThinDielectric { ior } => json::Bsdf::ThinDielectric { ior: *ior },
-            BsdfDesc::Conductor { fresnel: f, roughness: r } => {
-                json::Bsdf::Conductor { fresnel: fresnel(f), roughness: roughness(r) }
-            }
-            BsdfDesc::CoatedDiffuse { reflectance, coat: c } => {
-                json::Bsdf::CoatedDiffuse { reflectance: color(reflectance), coat: coat(c) }
-            }
-            BsdfDesc::CoatedConductor { fresnel: f, roughness: r, coat: c } => {
-                json::Bsdf::CoatedConductor { fresnel: fresnel(f), roughness: roughness(r), coat: coat(c) }
-            }
-            BsdfDesc::DiffuseTransmission { reflectance, transmittance } => json::Bsdf::DiffuseTransmission {
+            BsdfDesc::Conductor {
+                fresnel: f,
+                roughness: r,
+            } => json::Bsdf::Conductor {
+                fresnel: fresnel(f),
+                roughness: roughness(r),
+            },
+            BsdfDesc::CoatedDiffuse {
+                reflectance,
+                coat: c,
+            } => json::Bsdf::CoatedDiffuse {
+                reflectance: color(reflectance),
+                coat: coat(c),
+            },
+            BsdfDesc::CoatedConductor {
+                fresnel: f,
+                roughness: r,
+                coat: c,
+            } => json::Bsdf::CoatedConductor {
+                fresnel: fresnel(f),
+                roughness: roughness(r),
+                coat: coat(c),
+            },
+            BsdfDesc::DiffuseTransmission {
+                reflectance,
+                transmittance,
+            } => json::Bsdf::DiffuseTransmission {
                 reflectance: color(reflectance),
                 transmittance: color(transmittance),
             },
-            BsdfDesc::Mix { a, b, amount } => {
-                json::Bsdf::Mix { a: self.material_name(*a)?, b: self.material_name(*b)?, amount: float(amount) }
-            }
-            BsdfDesc::TwoSided { inner } => json::Bsdf::TwoSided { inner: self.material_name(*inner)? },
+            BsdfDesc::Mix { a, b, amount } => json::Bsdf::Mix {
+                a: self.material_name(*a)?,
+                b: self.material_name(*b)?,
+                amount: float(amount),
+            },
+            BsdfDesc::TwoSided { inner } => json::Bsdf::TwoSided {
+                inner: self.material_name(*inner)?,
+            },
             BsdfDesc::Interface => json::Bsdf::Interface,
         };
-        let normal_map =
-            material.normal_map.map(|(id, strength)| json::NormalMap { texture: texture_name(id), strength });
-        Ok(json::Material { bsdf, normal_map, bump_map: material.bump_map.as_ref().map(float) })
+        let normal_map = material.normal_map.map(|(id, strength)| json::NormalMap {
+            texture: texture_name(id),
+            strength,
+        });
+        Ok(json::Material {
+            bsdf,
+            normal_map,
+            bump_map: material.bump_map.as_ref().map(float),
+        })
     }
 
     fn primitives(&self, list: &[Primitive]) -> Result<Vec<json::Primitive>, WriteError> {
@@ -299,13 +462,23 @@ impl Writer<'_> {
     fn primitive(&self, primitive: &Primitive) -> Result<json::Primitive, WriteError> {
         let shape = match &primitive.shape {
             Shape::Mesh(id) => {
-                let mesh = self.desc.meshes.get(id.index()).ok_or(WriteError::Invalid("mesh"))?;
+                let mesh = self
+                    .desc
+                    .meshes
+                    .get(id.index())
+                    .ok_or(WriteError::Invalid("mesh"))?;
                 json::Shape::Mesh(mesh.name.clone())
             }
             Shape::Sphere { radius } => json::Shape::Sphere { radius: *radius },
-            Shape::Disk { radius, inner_radius, height } => {
-                json::Shape::Disk { radius: *radius, inner_radius: *inner_radius, height: *height }
-            }
+            Shape::Disk {
+                radius,
+                inner_radius,
+                height,
+            } => json::Shape::Disk {
+                radius: *radius,
+                inner_radius: *inner_radius,
+                height: *height,
+            },
             Shape::Rectangle => json::Shape::Rectangle,
         };
         Ok(json::Primitive {
@@ -324,8 +497,15 @@ impl Writer<'_> {
 
     fn instances(&self, list: &[Instance]) -> Result<Vec<json::Instance>, WriteError> {
         let instance = |i: &Instance| {
-            let group = self.desc.groups.get(i.group.index()).ok_or(WriteError::Invalid("group"))?;
-            Ok(json::Instance { group: group.name.clone(), transform: placement(&i.transform) })
+            let group = self
+                .desc
+                .groups
+                .get(i.group.index())
+                .ok_or(WriteError::Invalid("group"))?;
+            Ok(json::Instance {
+                group: group.name.clone(),
+                transform: placement(&i.transform),
+            })
         };
         list.iter().map(instance).collect()
     }
@@ -333,20 +513,39 @@ impl Writer<'_> {
     fn light(&self, light: &Light) -> json::Light {
         let fixed = |m: &DAffine3| Placement::Fixed(steps(m));
         match light {
-            Light::Point { transform, intensity } => {
-                json::Light::Point { intensity: Color(*intensity), transform: fixed(transform) }
-            }
-            Light::Spot { transform, intensity, cone_angle, full_angle, falloff } => json::Light::Spot {
+            Light::Point {
+                transform,
+                intensity,
+            } => json::Light::Point {
+                intensity: Color(*intensity),
+                transform: fixed(transform),
+            },
+            Light::Spot {
+                transform,
+                intensity,
+                cone_angle,
+                full_angle,
+                falloff,
+            } => json::Light::Spot {
                 intensity: Color(*intensity),
                 cone_angle: *cone_angle,
                 full_angle: *full_angle,
                 falloff: *falloff,
                 transform: fixed(transform),
             },
-            Light::Distant { direction, irradiance } => {
-                json::Light::Distant { direction: direction.to_array(), irradiance: Color(*irradiance) }
-            }
-            Light::Environment { transform, radiance, image, hidden } => json::Light::Environment {
+            Light::Distant {
+                direction,
+                irradiance,
+            } => json::Light::Distant {
+                direction: direction.to_array(),
+                irradiance: Color(*irradiance),
+            },
+            Light::Environment {
+                transform,
+                radiance,
+                image,
+                hidden,
+            } => json::Light::Environment {
                 radiance: Color(*radiance),
                 image: image.map(|(id, _)| format!("i{}", id.0)),
                 mapping: image.map_or(SphereMapping::LatLong, |(_, mapping)| mapping),

@@ -27,7 +27,9 @@ pub(super) fn meshes(desc: &SceneDesc, found: &mut Findings) {
 fn check(mesh: &Mesh, used: bool, found: &mut Findings) {
     let name = &mesh.name;
     let count = mesh.positions.len();
-    found.check(!used || !mesh.indices.is_empty(), || format!("mesh {name:?} is empty"));
+    found.check(!used || !mesh.indices.is_empty(), || {
+        format!("mesh {name:?} is empty")
+    });
     let mut length = |what: &str, length: usize| {
         found.check(length == 0 || length == count, || {
             format!("mesh {name:?}: {length} {what} for {count} vertices")
@@ -36,15 +38,26 @@ fn check(mesh: &Mesh, used: bool, found: &mut Findings) {
     length("normals", mesh.normals.len());
     length("tangents", mesh.tangents.len());
     length("colours", mesh.colors.len());
-    mesh.uvs.iter().for_each(|uvs| length("texture coordinates", uvs.len()));
+    mesh.uvs
+        .iter()
+        .for_each(|uvs| length("texture coordinates", uvs.len()));
     let numbers = finite(&mesh.positions)
         && finite(&mesh.normals)
         && finite(&mesh.tangents)
         && finite(&mesh.colors)
         && mesh.uvs.iter().all(|uvs| finite(uvs));
-    found.check(numbers, || format!("mesh {name:?}: numbers that are not finite"));
-    if let Some(bad) = mesh.indices.iter().flatten().find(|&&i| i as usize >= count) {
-        found.error(format!("mesh {name:?}: index {bad}, but there are only {count} vertices"));
+    found.check(numbers, || {
+        format!("mesh {name:?}: numbers that are not finite")
+    });
+    if let Some(bad) = mesh
+        .indices
+        .iter()
+        .flatten()
+        .find(|&&i| i as usize >= count)
+    {
+        found.error(format!(
+            "mesh {name:?}: index {bad}, but there are only {count} vertices"
+        ));
     }
     if let Some(deformation) = &mesh.deformation {
         let mut before = deformation.first_time;
@@ -54,7 +67,9 @@ fn check(mesh: &Mesh, used: bool, found: &mut Findings) {
             });
             before = key.time;
             let lengths = key.positions.len() == count && [0, count].contains(&key.normals.len());
-            found.check(lengths, || format!("mesh {name:?}: a key with another number of vertices"));
+            found.check(lengths, || {
+                format!("mesh {name:?}: a key with another number of vertices")
+            });
             found.check(finite(&key.positions) && finite(&key.normals), || {
                 format!("mesh {name:?}: a key with numbers that are not finite")
             });
@@ -70,7 +85,11 @@ pub(super) fn drop_degenerate(mesh: &mut Mesh) -> usize {
         if a == b || b == c || c == a {
             return true;
         }
-        let point = |i: u32| positions.get(i as usize).map(|p| glam::DVec3::from_array(p.map(f64::from)));
+        let point = |i: u32| {
+            positions
+                .get(i as usize)
+                .map(|p| glam::DVec3::from_array(p.map(f64::from)))
+        };
         match (point(a), point(b), point(c)) {
             // Differences and products of singles are exact enough in double that only true zeros give zero.
             (Some(a), Some(b), Some(c)) => !moves && (b - a).cross(c - a) == glam::DVec3::ZERO,

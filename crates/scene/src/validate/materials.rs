@@ -2,25 +2,34 @@
 
 use super::Findings;
 use crate::model::{
-    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatOrColor, FloatTex, Roughness, SceneDesc, Texture, UvMap,
+    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatOrColor, FloatTex, Roughness, SceneDesc,
+    Texture, UvMap,
 };
 
 fn color(what: &str, value: ColorTex, limit: usize, found: &mut Findings) {
     match value {
         ColorTex::Const(c) => {
-            found.check(c.iter().all(|c| c.is_finite() && *c >= 0.0), || format!("{what}: a colour of {c:?}"));
+            found.check(c.iter().all(|c| c.is_finite() && *c >= 0.0), || {
+                format!("{what}: a colour of {c:?}")
+            });
         }
         ColorTex::Texture(id) => {
-            found.check(id.index() < limit, || format!("{what}: refers to a texture that does not come before it"));
+            found.check(id.index() < limit, || {
+                format!("{what}: refers to a texture that does not come before it")
+            });
         }
     }
 }
 
 fn float(what: &str, value: FloatTex, limit: usize, found: &mut Findings) {
     match value {
-        FloatTex::Const(v) => found.check(v.is_finite(), || format!("{what}: a number that is not finite")),
+        FloatTex::Const(v) => found.check(v.is_finite(), || {
+            format!("{what}: a number that is not finite")
+        }),
         FloatTex::Texture(id, _) => {
-            found.check(id.index() < limit, || format!("{what}: refers to a texture that does not come before it"));
+            found.check(id.index() < limit, || {
+                format!("{what}: refers to a texture that does not come before it")
+            });
         }
     }
 }
@@ -30,7 +39,9 @@ fn map(what: &str, map: &UvMap, found: &mut Findings) {
         UvMap::Uv { matrix, .. } => matrix.iter().all(|x| x.is_finite()),
         UvMap::Planar { matrix } => matrix.is_finite(),
     };
-    found.check(finite, || format!("{what}: a mapping with numbers that are not finite"));
+    found.check(finite, || {
+        format!("{what}: a mapping with numbers that are not finite")
+    });
 }
 
 pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
@@ -38,11 +49,22 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
         let what = format!("texture {index}");
         match texture {
             Texture::Constant { value } => {
-                found.check(value.iter().all(|v| v.is_finite()), || format!("{what}: numbers that are not finite"));
+                found.check(value.iter().all(|v| v.is_finite()), || {
+                    format!("{what}: numbers that are not finite")
+                });
             }
-            Texture::Image { image, map: m, scale, .. } => {
-                found.check(image.index() < desc.images.len(), || format!("{what}: refers to no picture"));
-                found.check(scale.iter().all(|v| v.is_finite()), || format!("{what}: numbers that are not finite"));
+            Texture::Image {
+                image,
+                map: m,
+                scale,
+                ..
+            } => {
+                found.check(image.index() < desc.images.len(), || {
+                    format!("{what}: refers to no picture")
+                });
+                found.check(scale.iter().all(|v| v.is_finite()), || {
+                    format!("{what}: numbers that are not finite")
+                });
                 map(&what, m, found);
             }
             Texture::Checkerboard { map: m, even, odd } => {
@@ -64,7 +86,9 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
             }
             Texture::Bilerp { map: m, corners } => {
                 map(&what, m, found);
-                corners.iter().for_each(|c| color(&what, ColorTex::Const(*c), index, found));
+                corners
+                    .iter()
+                    .for_each(|c| color(&what, ColorTex::Const(*c), index, found));
             }
             Texture::VertexColor => {}
         }
@@ -73,11 +97,17 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
     let textures = desc.textures.len();
     for (index, material) in desc.materials.iter().enumerate() {
         let what = format!("material {:?}", material.name);
-        found.check(names.insert(material.name.as_str()), || format!("{what} is there twice"));
+        found.check(names.insert(material.name.as_str()), || {
+            format!("{what} is there twice")
+        });
         bsdf(&what, &material.bsdf, index, textures, found);
         if let Some((id, strength)) = material.normal_map {
-            found.check(id.index() < textures, || format!("{what}: refers to no texture"));
-            found.check(strength.is_finite(), || format!("{what}: a normal map of strength {strength}"));
+            found.check(id.index() < textures, || {
+                format!("{what}: refers to no texture")
+            });
+            found.check(strength.is_finite(), || {
+                format!("{what}: a normal map of strength {strength}")
+            });
         }
         if let Some(bump) = material.bump_map {
             float(&what, bump, textures, found);
@@ -95,7 +125,9 @@ fn roughness(what: &str, value: &Roughness, textures: usize, found: &mut Finding
 }
 
 fn ior(what: &str, value: f32, found: &mut Findings) {
-    found.check((0.01..=100.0).contains(&value), || format!("{what}: an index of refraction of {value}"));
+    found.check((0.01..=100.0).contains(&value), || {
+        format!("{what}: an index of refraction of {value}")
+    });
 }
 
 fn fresnel(what: &str, value: &ConductorFresnel, textures: usize, found: &mut Findings) {
@@ -112,23 +144,41 @@ fn coat(what: &str, value: &Coat, textures: usize, found: &mut Findings) {
     ior(what, value.ior, found);
     roughness(what, &value.roughness, textures, found);
     color(what, ColorTex::Const(value.albedo), textures, found);
-    found.check(value.thickness >= 0.0 && value.thickness.is_finite() && (-1.0..=1.0).contains(&value.g), || {
-        format!("{what}: a coat of thickness {} and asymmetry {}", value.thickness, value.g)
-    });
-    found.check((1..=1000).contains(&value.max_depth) && (1..=1000).contains(&value.samples), || {
-        format!("{what}: a coat with depth {} and {} samples; 1 to 1000 are possible", value.max_depth, value.samples)
-    });
+    found.check(
+        value.thickness >= 0.0 && value.thickness.is_finite() && (-1.0..=1.0).contains(&value.g),
+        || {
+            format!(
+                "{what}: a coat of thickness {} and asymmetry {}",
+                value.thickness, value.g
+            )
+        },
+    );
+    found.check(
+        (1..=1000).contains(&value.max_depth) && (1..=1000).contains(&value.samples),
+        || {
+            format!(
+                "{what}: a coat with depth {} and {} samples; 1 to 1000 are possible",
+                value.max_depth, value.samples
+            )
+        },
+    );
 }
 
 fn bsdf(what: &str, bsdf: &BsdfDesc, index: usize, textures: usize, found: &mut Findings) {
     let t = textures;
     match bsdf {
-        BsdfDesc::Diffuse { reflectance } | BsdfDesc::Mirror { reflectance } => color(what, *reflectance, t, found),
+        BsdfDesc::Diffuse { reflectance } | BsdfDesc::Mirror { reflectance } => {
+            color(what, *reflectance, t, found)
+        }
         BsdfDesc::OrenNayar { reflectance, sigma } => {
             color(what, *reflectance, t, found);
             float(what, *sigma, t, found);
         }
-        BsdfDesc::Phong { diffuse, specular, exponent } => {
+        BsdfDesc::Phong {
+            diffuse,
+            specular,
+            exponent,
+        } => {
             color(what, *diffuse, t, found);
             color(what, *specular, t, found);
             float(what, *exponent, t, found);
@@ -137,31 +187,51 @@ fn bsdf(what: &str, bsdf: &BsdfDesc, index: usize, textures: usize, found: &mut 
             color(what, *diffuse, t, found);
             for lobe in lobes {
                 color(what, ColorTex::Const(lobe.albedo), t, found);
-                let fine = lobe.c.iter().all(|c| c.is_finite()) && lobe.exponent >= 0.0 && lobe.exponent.is_finite();
+                let fine = lobe.c.iter().all(|c| c.is_finite())
+                    && lobe.exponent >= 0.0
+                    && lobe.exponent.is_finite();
                 found.check(fine, || format!("{what}: a lobe with numbers out of range"));
             }
         }
-        BsdfDesc::Dielectric { ior: i, roughness: r, reflect_tint, transmit_tint } => {
+        BsdfDesc::Dielectric {
+            ior: i,
+            roughness: r,
+            reflect_tint,
+            transmit_tint,
+        } => {
             ior(what, *i, found);
             roughness(what, r, t, found);
             color(what, *reflect_tint, t, found);
             color(what, *transmit_tint, t, found);
         }
         BsdfDesc::ThinDielectric { ior: i } => ior(what, *i, found),
-        BsdfDesc::Conductor { fresnel: f, roughness: r } => {
+        BsdfDesc::Conductor {
+            fresnel: f,
+            roughness: r,
+        } => {
             fresnel(what, f, t, found);
             roughness(what, r, t, found);
         }
-        BsdfDesc::CoatedDiffuse { reflectance, coat: c } => {
+        BsdfDesc::CoatedDiffuse {
+            reflectance,
+            coat: c,
+        } => {
             color(what, *reflectance, t, found);
             coat(what, c, t, found);
         }
-        BsdfDesc::CoatedConductor { fresnel: f, roughness: r, coat: c } => {
+        BsdfDesc::CoatedConductor {
+            fresnel: f,
+            roughness: r,
+            coat: c,
+        } => {
             fresnel(what, f, t, found);
             roughness(what, r, t, found);
             coat(what, c, t, found);
         }
-        BsdfDesc::DiffuseTransmission { reflectance, transmittance } => {
+        BsdfDesc::DiffuseTransmission {
+            reflectance,
+            transmittance,
+        } => {
             color(what, *reflectance, t, found);
             color(what, *transmittance, t, found);
         }
@@ -172,7 +242,9 @@ fn bsdf(what: &str, bsdf: &BsdfDesc, index: usize, textures: usize, found: &mut 
             float(what, *amount, t, found);
         }
         BsdfDesc::TwoSided { inner } => {
-            found.check(inner.index() < index, || format!("{what}: refers to a material that does not come before it"));
+            found.check(inner.index() < index, || {
+                format!("{what}: refers to a material that does not come before it")
+            });
         }
         BsdfDesc::Interface => {}
         // Variants that others add are checked by whoever adds them.

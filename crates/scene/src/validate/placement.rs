@@ -10,10 +10,20 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
     }
     for group in &desc.groups {
         for (index, primitive) in group.primitives.iter().enumerate() {
-            check_primitive(&format!("group {:?}, primitive {index}", group.name), primitive, desc, found);
+            check_primitive(
+                &format!("group {:?}, primitive {index}", group.name),
+                primitive,
+                desc,
+                found,
+            );
         }
         for instance in &group.instances {
-            check_instance(&format!("group {:?}, an instance", group.name), instance, desc, found);
+            check_instance(
+                &format!("group {:?}, an instance", group.name),
+                instance,
+                desc,
+                found,
+            );
         }
     }
     for (index, instance) in desc.instances.iter().enumerate() {
@@ -23,13 +33,21 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
         check_light(&format!("light {index}"), light, desc, found);
     }
     let shines = !desc.lights.is_empty()
-        || desc.primitives.iter().chain(desc.groups.iter().flat_map(|g| &g.primitives)).any(|p| p.emission.is_some());
+        || desc
+            .primitives
+            .iter()
+            .chain(desc.groups.iter().flat_map(|g| &g.primitives))
+            .any(|p| p.emission.is_some());
     if !shines {
         found.warn("nothing shines: the picture will be black");
     }
     match count(desc) {
         Ok(0) => {
-            if !desc.lights.iter().any(|l| matches!(l, Light::Environment { .. })) {
+            if !desc
+                .lights
+                .iter()
+                .any(|l| matches!(l, Light::Environment { .. }))
+            {
                 found.error("there is nothing to render: no shapes and no environment");
             } else {
                 found.warn("there are no shapes: only the environment is rendered");
@@ -54,9 +72,11 @@ fn count(desc: &SceneDesc) -> Result<u64, String> {
     }
     let mut states = vec![State::Unseen; desc.groups.len()];
     let inside = |states: &[State], instances: &[Instance], own: usize| {
-        instances.iter().fold((own as u64, 0), |(sum, depth), i| match states.get(i.group.index()) {
-            Some(State::Done(n, d)) => (sum.saturating_add(*n), depth.max(d + 1)),
-            _ => (sum, depth),
+        instances.iter().fold((own as u64, 0), |(sum, depth), i| {
+            match states.get(i.group.index()) {
+                Some(State::Done(n, d)) => (sum.saturating_add(*n), depth.max(d + 1)),
+                _ => (sum, depth),
+            }
         })
     };
     for start in 0..desc.groups.len() {
@@ -73,7 +93,10 @@ fn count(desc: &SceneDesc) -> Result<u64, String> {
                     for next in group.instances.iter().map(|i| i.group.index()) {
                         match states.get(next) {
                             Some(State::Open) => {
-                                return Err(format!("group {:?} contains itself", desc.groups[next].name));
+                                return Err(format!(
+                                    "group {:?} contains itself",
+                                    desc.groups[next].name
+                                ));
                             }
                             Some(State::Unseen) => stack.push(next),
                             _ => {}
@@ -100,17 +123,30 @@ fn count(desc: &SceneDesc) -> Result<u64, String> {
 fn check_primitive(what: &str, primitive: &Primitive, desc: &SceneDesc, found: &mut Findings) {
     found.motion(what, &primitive.transform);
     match primitive.shape {
-        Shape::Mesh(id) => found.check(id.index() < desc.meshes.len(), || format!("{what}: refers to no mesh")),
+        Shape::Mesh(id) => found.check(id.index() < desc.meshes.len(), || {
+            format!("{what}: refers to no mesh")
+        }),
         Shape::Sphere { radius } => {
-            found.check(radius > 0.0 && radius.is_finite(), || format!("{what}: a sphere of radius {radius}"));
+            found.check(radius > 0.0 && radius.is_finite(), || {
+                format!("{what}: a sphere of radius {radius}")
+            });
         }
-        Shape::Disk { radius, inner_radius, height } => {
-            let fine = radius.is_finite() && height.is_finite() && (0.0..radius).contains(&inner_radius);
-            found.check(fine, || format!("{what}: a disk of radius {radius} with a hole of {inner_radius}"));
+        Shape::Disk {
+            radius,
+            inner_radius,
+            height,
+        } => {
+            let fine =
+                radius.is_finite() && height.is_finite() && (0.0..radius).contains(&inner_radius);
+            found.check(fine, || {
+                format!("{what}: a disk of radius {radius} with a hole of {inner_radius}")
+            });
         }
         _ => {}
     }
-    found.check(primitive.material.index() < desc.materials.len(), || format!("{what}: refers to no material"));
+    found.check(primitive.material.index() < desc.materials.len(), || {
+        format!("{what}: refers to no material")
+    });
     let texture = |id: crate::model::TextureId| id.index() < desc.textures.len();
     if let Some(FloatTex::Texture(id, _)) = primitive.alpha {
         found.check(texture(id), || format!("{what}: refers to no texture"));
@@ -120,41 +156,70 @@ fn check_primitive(what: &str, primitive: &Primitive, desc: &SceneDesc, found: &
             ColorTex::Const(c) => c.iter().all(|c| *c >= 0.0 && c.is_finite()),
             ColorTex::Texture(id) => texture(id),
         };
-        found.check(fine && emission.scale >= 0.0 && emission.scale.is_finite(), || {
-            format!("{what}: a light that is negative, not finite, or refers to no texture")
-        });
+        found.check(
+            fine && emission.scale >= 0.0 && emission.scale.is_finite(),
+            || format!("{what}: a light that is negative, not finite, or refers to no texture"),
+        );
     }
 }
 
 fn check_instance(what: &str, instance: &Instance, desc: &SceneDesc, found: &mut Findings) {
     found.motion(what, &instance.transform);
-    found.check(instance.group.index() < desc.groups.len(), || format!("{what}: refers to no group"));
+    found.check(instance.group.index() < desc.groups.len(), || {
+        format!("{what}: refers to no group")
+    });
 }
 
 fn check_light(what: &str, light: &Light, desc: &SceneDesc, found: &mut Findings) {
     let color = match light {
-        Light::Point { transform, intensity } => {
+        Light::Point {
+            transform,
+            intensity,
+        } => {
             found.transform(what, transform);
             intensity
         }
-        Light::Spot { transform, intensity, cone_angle, full_angle, .. } => {
+        Light::Spot {
+            transform,
+            intensity,
+            cone_angle,
+            full_angle,
+            ..
+        } => {
             found.transform(what, transform);
-            found.check(*cone_angle > 0.0 && *cone_angle <= 180.0 && (0.0..=*cone_angle).contains(full_angle), || {
-                format!("{what}: a cone of {cone_angle} degrees, full up to {full_angle}")
+            found.check(
+                *cone_angle > 0.0
+                    && *cone_angle <= 180.0
+                    && (0.0..=*cone_angle).contains(full_angle),
+                || format!("{what}: a cone of {cone_angle} degrees, full up to {full_angle}"),
+            );
+            intensity
+        }
+        Light::Distant {
+            direction,
+            irradiance,
+        } => {
+            found.check(direction.is_finite() && direction.length() > 0.0, || {
+                format!("{what}: no direction")
             });
-            intensity
-        }
-        Light::Distant { direction, irradiance } => {
-            found.check(direction.is_finite() && direction.length() > 0.0, || format!("{what}: no direction"));
             irradiance
         }
-        Light::Environment { transform, radiance, image, .. } => {
+        Light::Environment {
+            transform,
+            radiance,
+            image,
+            ..
+        } => {
             found.transform(what, transform);
             if let Some((id, _)) = image {
-                found.check(id.index() < desc.images.len(), || format!("{what}: refers to no picture"));
+                found.check(id.index() < desc.images.len(), || {
+                    format!("{what}: refers to no picture")
+                });
             }
             radiance
         }
     };
-    found.check(color.iter().all(|c| *c >= 0.0 && c.is_finite()), || format!("{what}: a brightness of {color:?}"));
+    found.check(color.iter().all(|c| *c >= 0.0 && c.is_finite()), || {
+        format!("{what}: a brightness of {color:?}")
+    });
 }

@@ -102,7 +102,7 @@ impl Importer<'_, '_> {
             let mut motion = matrix::motion(&world_from_camera, self.times)
                 .map_err(|e| Issue::new(&params.place, e))?;
             for key in &mut motion.keys {
-                key.transform = key.transform * DAffine3::from_mat3(own);
+                key.transform *= DAffine3::from_mat3(own);
             }
             Ok(motion)
         };

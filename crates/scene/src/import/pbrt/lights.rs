@@ -63,7 +63,7 @@ impl Importer<'_, '_> {
             "infinite" => self.infinite(params, ctm, scale)?,
             "distant" => {
                 let color = self.emission(params, "L")?.unwrap_or([1.0; 3]);
-                let (from, to) = self.from_to(params)?;
+                let (from, to) = self.endpoints(params)?;
                 let direction = ctm.transform_vector3(to - from).normalize_or_zero();
                 if direction == DVec3::ZERO {
                     return params.fail(
@@ -104,7 +104,7 @@ impl Importer<'_, '_> {
         Ok(())
     }
 
-    fn from_to(&mut self, params: &Params) -> Result<(DVec3, DVec3), Issue> {
+    fn endpoints(&mut self, params: &Params) -> Result<(DVec3, DVec3), Issue> {
         let from = params.vector("from", Kind::Point3, [0.0; 3])?;
         let to = params.vector("to", Kind::Point3, [0.0, 0.0, 1.0])?;
         Ok((DVec3::from_array(from), DVec3::from_array(to)))
@@ -133,7 +133,7 @@ impl Importer<'_, '_> {
             color = self.emission(params, "I")?.unwrap_or([1.0; 3]);
             cone = params.float("coneangle", 30.0)?;
             full = cone - params.float("conedeltaangle", 5.0)?;
-            (from, to) = self.from_to(params)?;
+            (from, to) = self.endpoints(params)?;
         }
         if !(cone > 0.0 && cone <= 180.0 && full <= cone) {
             return params.fail(format!(
