@@ -12,13 +12,14 @@
 //! ```
 
 use crate::blocks::{BLOCK, Scratch};
-use crate::codec::{self, CodecError, Reader, put_u32s};
+use crate::codec::CodecError;
 use crate::film::{Film, intern};
 use crate::plane::Plane;
 use crate::planes::{self, PLANES};
 use crate::tile::{MergedUnit, TileFilm};
 use crate::unit::{PIXELS_MAX, SIDE_MAX, SPP_MAX, SampleRange, Tile, TileGrid, pass_end};
 use crate::version::EngineVersion;
+use crate::wire::{self, Reader, put_u32s};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -185,7 +186,7 @@ fn open<'a>(
     if found != CHECKPOINT_FORMAT {
         return Err(CheckpointError::Version { what, found });
     }
-    let body = codec::check_crc(bytes).map_err(bad)?;
+    let body = wire::check_crc(bytes).map_err(bad)?;
     body.get(6..)
         .map(Reader)
         .ok_or(bad(CodecError::Malformed("length")))
@@ -213,8 +214,8 @@ pub fn encode_tile(tile: &TileFilm, frame: u32, engine: EngineVersion) -> Vec<u8
     put_u32s(&mut out, &[engine.0, frame, x, y]);
     out.extend_from_slice(&(width as u16).to_le_bytes());
     out.extend_from_slice(&(height as u16).to_le_bytes());
-    codec::put_counters(&mut out, &tile.counters());
-    codec::put_rejected(&mut out, tile.rejected_count(), tile.rejected());
+    wire::put_counters(&mut out, &tile.counters());
+    wire::put_rejected(&mut out, tile.rejected_count(), tile.rejected());
     let units = tile.merged_units();
     let names: BTreeSet<&str> = units.iter().map(|unit| &*unit.worker).collect();
     let names: Vec<&str> = names.into_iter().collect();

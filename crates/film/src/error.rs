@@ -22,6 +22,7 @@ use crate::fixed::{SQUARE_BITS, VALUE_BITS};
 use crate::planes::{BEAUTY, HALF, SQUARE};
 use crate::tile::TileFilm;
 use crate::unit::SampleRange;
+use serde::{Deserialize, Serialize};
 
 /// Keeps black pixels from counting without bound.
 pub const ERROR_EPS: f64 = 0.01;
@@ -30,7 +31,8 @@ pub const ERROR_EPS: f64 = 0.01;
 pub const LUMINANCE: [f64; 3] = [13_933.0 / 65_536.0, 46_871.0 / 65_536.0, 4_732.0 / 65_536.0];
 
 /// What an error number claims.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum ErrorKind {
     /// An estimate, right on average.
     Estimate,

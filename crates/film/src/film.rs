@@ -1,11 +1,12 @@
 //! The film of one frame: units come in, in any order and more than once; every sample counts once.
 
-use crate::codec::{UnitResult, put_u32s};
+use crate::codec::UnitResult;
 use crate::counters::Counters;
 use crate::error::PictureError;
 use crate::tile::{MergedUnit, TileFilm};
 use crate::unit::{SPP_MAX, SampleRange, TileGrid, Unit, pass_end};
 use crate::version::{ENGINE_VERSION, EngineVersion};
+use crate::wire::put_u32s;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 

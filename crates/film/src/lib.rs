@@ -37,12 +37,14 @@ pub mod fixed;
 pub mod flip;
 pub mod layer;
 pub mod output;
+mod pixels;
 mod plane;
 mod planes;
 pub mod tile;
 pub mod unit;
 pub mod version;
 mod wide;
+mod wire;
 
 pub use buffer::{LayerSample, PixelSums, Reject, Rejected, SampleBuffer};
 pub use checkpoint::{CheckpointError, Manifest, TileEntry, decode_tile, encode_tile};

@@ -2,7 +2,6 @@
 
 use crate::blocks::BLOCK;
 use crate::buffer::{PixelSums, REJECTED_KEPT, Rejected, SampleBuffer};
-use crate::codec::put_u32s;
 use crate::counters::Counters;
 use crate::error::{self, TileErrors};
 use crate::fixed::Square;
@@ -10,6 +9,7 @@ use crate::plane::Plane;
 use crate::planes::{self, PLANES, ReadPlanes};
 use crate::unit::{SampleRange, Tile, pass_end};
 use crate::wide::Wide;
+use crate::wire::put_u32s;
 use std::sync::{Arc, OnceLock};
 
 /// A unit that was merged: what came, and from whom. Kept so that the same bytes again are known
