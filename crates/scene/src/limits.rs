@@ -10,6 +10,10 @@ pub const MAX_SPP: u32 = 1 << 24;
 pub const MAX_DEPTH: u32 = 1 << 20;
 /// Memory that an import may take: files being read and everything that is made of them.
 pub const MAX_IMPORT_BYTES: u64 = 2 << 30;
+/// The largest main file in JSON; long arrays belong into files beside it.
+pub const MAX_JSON_BYTES: u64 = 128 << 20;
+/// Most numbers of one parameter of a pbrt file.
+pub const MAX_NUMBERS: usize = 1 << 26;
 /// How deep files may include files, and blocks may lie in blocks.
 pub const MAX_NESTING: usize = 64;
 /// Deepest nesting of instances in groups.

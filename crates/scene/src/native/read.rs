@@ -5,6 +5,7 @@ use super::values::{ColorValue, FloatValue, Placement, Step};
 use super::{buffer, locate};
 use crate::context::{Context, Issue};
 use crate::diagnostic::Place;
+use crate::limits::MAX_JSON_BYTES;
 use crate::model::*;
 use glam::{DAffine3, DMat3, DVec3};
 use std::collections::BTreeMap;
@@ -20,6 +21,13 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
         ..Place::default()
     };
     let bytes = cx.read(&place, main)?;
+    if bytes.len() as u64 > MAX_JSON_BYTES {
+        let reason = format!(
+            "{} bytes of JSON; the limit is {MAX_JSON_BYTES}: put long arrays into PLY files",
+            bytes.len()
+        );
+        return Err(Issue::new(&place, reason));
+    }
     // Numbers as text take no less room than the arrays that are made of them; two copies may exist.
     cx.charge(&place, bytes.len() as u64)?;
     let mut raw: &[u8] = &bytes;

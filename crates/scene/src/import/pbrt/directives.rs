@@ -60,6 +60,9 @@ const DIRECTIVES: [&str; 41] = [
     "WorldEnd",
 ];
 
+/// What a shape, light, texture or instance takes until the end, about.
+const KEPT_BYTES: u64 = 400;
+
 /// One file being read.
 struct Source<'l, 'b> {
     lexer: &'l mut Lexer<'b>,
@@ -358,6 +361,7 @@ impl Importer<'_, '_> {
             }
             "ObjectInstance" => {
                 let name = source.text(word)?;
+                self.cx.charge(&place, KEPT_BYTES)?;
                 if self.open_group {
                     self.cx.error(Issue::new(
                         &place,
@@ -398,6 +402,7 @@ impl Importer<'_, '_> {
             "Attribute" => {
                 let target = source.text(word)?;
                 let params = self.params(source, &place)?;
+                self.cx.charge(&place, params.bytes())?;
                 match TARGETS.iter().position(|t| *t == target) {
                     Some(target) => Rc::make_mut(&mut self.graphics.attributes[target])
                         .extend(params.into_inner()),
@@ -413,6 +418,7 @@ impl Importer<'_, '_> {
             "Material" | "MakeNamedMaterial" => {
                 let name = source.text(word)?;
                 let mut params = self.params(source, &place)?;
+                self.cx.charge(&place, params.bytes())?;
                 params.add_attributes(&self.graphics.attributes[2]);
                 if self.only(&place, word, true) {
                     let result = self.define_material(word == "MakeNamedMaterial", name, params);
@@ -428,6 +434,7 @@ impl Importer<'_, '_> {
                 let (name, kind, class) =
                     (source.text(word)?, source.text(word)?, source.text(word)?);
                 let mut params = self.params(source, &place)?;
+                self.cx.charge(&place, KEPT_BYTES)?;
                 params.add_attributes(&self.graphics.attributes[4]);
                 if self.only(&place, word, true) {
                     let result = self.define_texture(name, &kind, &class, &params);
@@ -437,6 +444,7 @@ impl Importer<'_, '_> {
             "LightSource" => {
                 let kind = source.text(word)?;
                 let mut params = self.params(source, &place)?;
+                self.cx.charge(&place, KEPT_BYTES)?;
                 params.add_attributes(&self.graphics.attributes[1]);
                 if self.only(&place, word, true) {
                     let result = self.light(&kind, &params);
@@ -448,6 +456,7 @@ impl Importer<'_, '_> {
             "AreaLightSource" => {
                 let kind = source.text(word)?;
                 let mut params = self.params(source, &place)?;
+                self.cx.charge(&place, params.bytes())?;
                 params.add_attributes(&self.graphics.attributes[1]);
                 if kind != "diffuse" {
                     let hint = legacy::hint("light", &kind, &["diffuse"]);
@@ -467,6 +476,7 @@ impl Importer<'_, '_> {
             "Shape" => {
                 let kind = source.text(word)?;
                 let mut params = self.params(source, &place)?;
+                self.cx.charge(&place, KEPT_BYTES)?;
                 params.add_attributes(&self.graphics.attributes[0]);
                 if self.only(&place, word, true) {
                     let result = self.shape(&kind, &params);

@@ -1,6 +1,7 @@
 //! Bytes to tokens. Files of a hundred megabytes are mostly numbers in brackets, so those are read
 //! in one loop without a token each.
 
+use crate::limits::MAX_NUMBERS;
 use crate::number::number;
 use std::borrow::Cow;
 
@@ -175,6 +176,11 @@ impl<'a> Lexer<'a> {
             }
             if !value.is_finite() {
                 return self.fail("a number that is too large");
+            }
+            if out.len() >= MAX_NUMBERS {
+                return self.fail(format!(
+                    "more numbers than the limit of {MAX_NUMBERS}; put such a mesh into a PLY file"
+                ));
             }
             self.at += used;
             out.push(value);

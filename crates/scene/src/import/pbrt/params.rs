@@ -213,6 +213,15 @@ impl Params {
             ..p.clone()
         }));
     }
+    /// Memory of what is kept until the end of the file.
+    pub fn bytes(&self) -> u64 {
+        let values = |p: &Param| match &p.values {
+            Values::Numbers(numbers) => numbers.len() as u64 * 8,
+            Values::Texts(texts) => texts.iter().map(|t| t.len() as u64 + 24).sum(),
+            Values::Bools(bools) => bools.len() as u64,
+        };
+        200 + self.params.iter().map(|p| 200 + values(p)).sum::<u64>()
+    }
     pub fn into_inner(self) -> Vec<Param> {
         self.params
     }

@@ -2,6 +2,7 @@
 
 use super::header::{Element, Header, Kind, Scalar};
 use super::{PlyError, PlyMesh};
+use crate::limits::MAX_IMPORT_BYTES;
 use crate::number::number;
 
 /// The longest polygon.
@@ -275,6 +276,13 @@ fn vertices<N: Numbers>(
     if u32::try_from(count).is_err() {
         return Err(numbers.fail("more vertices than 32 bits can count".into()));
     }
+    let bytes =
+        count as u64 * (12 + if has_normals { 12 } else { 0 } + if has_uvs { 8 } else { 0 });
+    if bytes > MAX_IMPORT_BYTES {
+        return Err(numbers.fail(format!(
+            "vertices of {bytes} bytes; the limit of an import is {MAX_IMPORT_BYTES}"
+        )));
+    }
     mesh.positions.reserve_exact(count);
     if has_normals {
         mesh.normals.reserve_exact(count);
@@ -346,8 +354,9 @@ fn faces<N: Numbers>(
     }
     let count =
         usize::try_from(element.count).map_err(|_| numbers.fail("too many faces".into()))?;
-    // At least one byte a face was found to be there, so this is bounded by a small multiple of the file.
-    mesh.indices.reserve(count);
+    // A face takes four bytes or more, whatever the header says.
+    mesh.indices
+        .reserve(count.min((numbers.left() / 4) as usize));
     let mut polygon: Vec<u32> = Vec::new();
     let plain = match element.properties.as_slice() {
         [only] => matches!(
@@ -385,6 +394,11 @@ fn faces<N: Numbers>(
             }
             if polygon.len() < 3 {
                 return Err(numbers.fail(format!("a face with {} corners", polygon.len())));
+            }
+            if mesh.indices.len() as u64 * 12 > MAX_IMPORT_BYTES / 2 {
+                return Err(numbers.fail(format!(
+                    "more triangles than the limit of an import, {MAX_IMPORT_BYTES} bytes, holds"
+                )));
             }
             for pair in polygon[1..].windows(2) {
                 mesh.indices.push([polygon[0], pair[0], pair[1]]);
