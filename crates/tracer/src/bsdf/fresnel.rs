@@ -19,10 +19,9 @@ pub fn fresnel_dielectric(cos: f32, eta: f32) -> (f32, f32) {
     let cos_t = (1.0 - sin2_t).sqrt();
     let parallel = (eta * cos - cos_t) / (eta * cos + cos_t);
     let perpendicular = (cos - eta * cos_t) / (cos + eta * cos_t);
-    (
-        0.5 * (parallel * parallel + perpendicular * perpendicular),
-        cos_t,
-    )
+    // At the horizon rounding may exceed 1, and 1 - F must not become negative.
+    let r = 0.5 * (parallel * parallel + perpendicular * perpendicular);
+    (r.min(1.0), cos_t)
 }
 
 /// Reflectance of a metal with the complex index of refraction eta + i k, relative to the medium in

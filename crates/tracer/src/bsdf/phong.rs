@@ -35,10 +35,10 @@ impl Phong {
     }
 
     /// Albedo of the lobe for ks = 1, about: 1 at normal incidence; towards the horizon it falls like
-    /// the cosine where the lobe is sharp, and not at all where it is Lambertian.
+    /// the cosine where the lobe is sharp, and to a half where it is constant (n = 0).
     #[inline]
     fn lobe_albedo(&self, cos: f32) -> f32 {
-        cos + (1.0 - cos) / sqr(1.0 + 0.5 * self.n)
+        cos + 0.5 * (1.0 - cos) / sqr(1.0 + 0.5 * self.n)
     }
 
     /// Probability of the diffuse part.

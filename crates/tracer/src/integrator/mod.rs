@@ -75,7 +75,7 @@ pub(crate) fn sampled_light(
     u: Vec2,
     counters: &mut Counters,
 ) -> Rgb {
-    let Some((light, pmf)) = scene.lights.choose(u_choice) else { return Rgb::ZERO };
+    let Some((light, pmf)) = scene.lights.choose(it.p, it.ns, u_choice) else { return Rgb::ZERO };
     let textures = &scene.geometry.textures;
     let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, u) else { return Rgb::ZERO };
     let wi = shading.frame.to_local(sample.wi);
@@ -113,7 +113,7 @@ pub(crate) fn from_infinity(scene: &Scene, ray: &Ray, pdf_bsdf: Option<f32>) -> 
         let le = e.le(&scene.geometry.textures.images, ray.direction);
         let weight = match pdf_bsdf {
             None => 1.0,
-            Some(pdf) => power_heuristic(pdf, scene.lights.pmf(index) * e.pdf(ray.direction)),
+            Some(pdf) => power_heuristic(pdf, scene.lights.pmf_infinite() * e.pdf(ray.direction)),
         };
         sum += le * weight;
     }

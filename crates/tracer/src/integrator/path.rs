@@ -30,6 +30,7 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
     // mirrors and glass, which light sampling cannot reach through.
     let mut last_pdf: Option<f32> = None;
     let mut last_p = ray.origin;
+    let mut last_n = ray.direction;
     // Square of the product of relative indices: radiance grows inside glass and shrinks on the way
     // out, which must not decide how long a path lives.
     let mut eta_scale = 1.0f32;
@@ -53,7 +54,7 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
         let le = scene.emitted(&it, wo);
         if le != Rgb::ZERO {
             let weight = match last_pdf {
-                Some(pdf) if it.light != NONE => power_heuristic(pdf, scene.lights.pdf_area(last_p, &it)),
+                Some(pdf) if it.light != NONE => power_heuristic(pdf, scene.lights.pdf_area(last_p, last_n, &it)),
                 _ => 1.0,
             };
             radiance += bounded(scene, throughput * le * weight, depth);
@@ -104,6 +105,7 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
         }
         last_pdf = if s.delta { None } else { Some(s.pdf) };
         last_p = it.p;
+        last_n = it.ns;
         ray = it.spawn(shading.frame.to_world(s.wi));
     }
     first.with(radiance)

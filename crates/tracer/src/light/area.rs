@@ -2,9 +2,10 @@
 //! (the cone that they fill), the others by area.
 
 use super::LightSample;
+use super::tree::LightBounds;
+use crate::accel::build::Bounds;
 use crate::geometry::Interaction;
 use crate::math::{self, Frame, Rgb};
-use crate::ray::NONE;
 use crate::sampling;
 use crate::texture::{Point, Textures};
 use glam::{Vec2, Vec3};
@@ -111,19 +112,42 @@ impl AreaLight {
         }
     }
 
-    /// Emitted power; a texture is averaged over a few points.
-    pub fn power(&self, emissions: &[Emission], textures: &Textures) -> Rgb {
+    /// What the light tree needs to know.
+    pub(super) fn bounds(&self, emissions: &[Emission], textures: &Textures) -> LightBounds {
         let emission = &emissions[self.emission as usize];
-        let mut sum = Rgb::ZERO;
+        // A texture is averaged over a few points.
         const GRID: usize = 4;
+        let mut sum = Rgb::ZERO;
         for i in 0..GRID * GRID {
             let u = Vec2::new((i % GRID) as f32 + 0.5, (i / GRID) as f32 + 0.5) / GRID as f32;
-            let mut point = Point::default();
-            point.uv = [self.uv_at(u); 2];
+            let point = Point { uv: [self.uv_at(u); 2], ..Point::default() };
             sum += textures.color(&emission.radiance, &point);
         }
-        let sides = if emission.two_sided { 2.0 } else { 1.0 };
-        sum * (emission.scale * self.area() * math::PI * sides / (GRID * GRID) as f32)
+        let radiance = (sum * (emission.scale / (GRID * GRID) as f32)).max_element();
+        let (points, axis, area) = match &self.shape {
+            AreaShape::Triangle { p, e1, e2, n, area, .. } => (vec![*p, *p + *e1, *p + *e2], Some(*n), *area),
+            AreaShape::Parallelogram { p, e1, e2, n, area } => {
+                (vec![*p, *p + *e1, *p + *e2, *p + *e1 + *e2], Some(*n), *area)
+            }
+            AreaShape::Disk { center, a, b, n, area, .. } => {
+                let corners = [*a + *b, *a - *b, *b - *a, -*a - *b];
+                (corners.map(|c| *center + c).to_vec(), Some(*n), *area)
+            }
+            AreaShape::Sphere { center, radius, .. } => {
+                let r = Vec3::splat(*radius);
+                (vec![*center - r, *center + r], None, math::PI * radius * radius)
+            }
+        };
+        let bounds = Bounds::of(points);
+        LightBounds {
+            min: bounds.min,
+            max: bounds.max,
+            axis: axis.unwrap_or(Vec3::Z),
+            strength: (radiance * area).max(0.0),
+            cos_normals: if axis.is_some() { 1.0 } else { -1.0 },
+            cos_emission: 0.0,
+            two_sided: emission.two_sided,
+        }
     }
 
     fn uv_at(&self, u: Vec2) -> Vec2 {
@@ -265,6 +289,3 @@ fn sphere_sample(
         delta: false,
     })
 }
-
-/// The light of a primitive that shines but cannot be sampled.
-pub const UNSAMPLED: u32 = NONE;

@@ -3,16 +3,17 @@
 mod area;
 pub mod environment;
 pub mod octahedral;
+mod tree;
 
 pub use area::{AreaLight, AreaShape, Emission};
 
 use crate::geometry::Interaction;
-use crate::math::{self, Rgb};
-use crate::sampling::Piecewise1d;
+use crate::math::Rgb;
 use crate::texture::Textures;
 use environment::Environment;
 use glam::{Vec2, Vec3};
 use scene::model::SpotFalloff;
+use tree::{LightBounds, LightTree};
 
 /// A light.
 pub enum Light {
@@ -76,78 +77,112 @@ pub struct Lights {
     pub light_of: Vec<u32>,
     /// What shining surfaces give off.
     pub emissions: Vec<Emission>,
-    chooser: Option<Piecewise1d>,
+    /// Those at infinity, each with the same share of the choice.
+    infinite: Vec<u32>,
+    /// The others, which share what is left.
+    tree: Option<LightTree>,
+    /// Share of one light at infinity.
+    share: f32,
 }
 
 impl Lights {
-    /// Choice in proportion to power. `radius` is that of the scene, for what is at infinity.
-    pub fn new(
-        lights: Vec<Light>,
-        light_of: Vec<u32>,
-        emissions: Vec<Emission>,
-        textures: &Textures,
-        radius: f32,
-    ) -> Self {
+    /// Prepares the choice. A light at infinity cannot be weighed against the others (its power grows
+    /// with the scene, however little of the scene is seen): each gets one share, and all lights in the
+    /// scene together one.
+    pub fn new(lights: Vec<Light>, light_of: Vec<u32>, emissions: Vec<Emission>, textures: &Textures) -> Self {
+        let mut infinite = vec![];
+        let mut finite = vec![];
+        for (i, light) in lights.iter().enumerate() {
+            match light.bounds(&emissions, textures) {
+                Some(bounds) if bounds.strength > 0.0 => finite.push((i as u32, bounds)),
+                Some(_) => {}
+                None if light.is_dark() => {}
+                None => infinite.push(i as u32),
+            }
+        }
+        // A light whose strength rounds to nothing beside the others can still be met.
+        let sum: f64 = finite.iter().map(|(_, b)| b.strength as f64).sum();
+        let floor = (sum / finite.len().max(1) as f64 * 1e-4) as f32;
+        for (_, bounds) in &mut finite {
+            bounds.strength = bounds.strength.max(floor).min(f32::MAX);
+        }
+        let tree = LightTree::new(&finite, lights.len());
+        let shares = infinite.len() + tree.is_some() as usize;
         let environments =
             (0..lights.len() as u32).filter(|i| matches!(lights[*i as usize], Light::Environment(_))).collect();
-        let disk = math::PI * radius * radius;
-        let power: Vec<f32> = lights
-            .iter()
-            .map(|light| {
-                let flux = match light {
-                    Light::Point { intensity, .. } => *intensity * (4.0 * math::PI),
-                    Light::Spot { intensity, cos_outer, cos_inner, .. } => {
-                        *intensity * (2.0 * math::PI * (1.0 - 0.5 * (cos_outer + cos_inner)))
-                    }
-                    Light::Distant { irradiance, .. } => *irradiance * disk,
-                    Light::Environment(e) => e.mean() * (4.0 * math::PI * disk),
-                    Light::Area(a) => a.power(&emissions, textures),
-                };
-                let l = math::luminance(flux);
-                if l.is_finite() { l.max(0.0) } else { f32::MAX }
-            })
-            .collect();
-        // A light whose brightness rounds to nothing can still be met: give everything a little.
-        let sum: f64 = power.iter().map(|p| *p as f64).sum();
-        let floor = (sum / lights.len().max(1) as f64 * 1e-3) as f32;
-        let weights: Vec<f32> = power.iter().map(|p| if *p > 0.0 { p.max(floor) } else { 0.0 }).collect();
-        let chooser = (sum > 0.0).then(|| Piecewise1d::new(&weights));
-        Lights { lights, environments, light_of, emissions, chooser }
+        Lights { lights, environments, light_of, emissions, infinite, tree, share: 1.0 / shares.max(1) as f32 }
     }
 
-    /// A light and its probability.
+    /// A light and its probability, for a point with a normal.
     #[inline]
-    pub fn choose(&self, u: f32) -> Option<(&Light, f32)> {
-        let chooser = self.chooser.as_ref()?;
-        if self.lights.len() == 1 {
-            return Some((&self.lights[0], 1.0));
+    pub fn choose(&self, p: Vec3, n: Vec3, u: f32) -> Option<(&Light, f32)> {
+        let count = self.infinite.len();
+        if count == 0 {
+            let (light, pmf) = self.tree.as_ref()?.sample(p, n, u)?;
+            return Some((&self.lights[light as usize], pmf));
         }
-        let index = chooser.sample(u).index as usize;
-        let pmf = chooser.pmf(index);
-        (pmf > 0.0).then(|| (&self.lights[index], pmf))
+        let scaled = u / self.share;
+        let which = scaled as usize;
+        match &self.tree {
+            Some(tree) if which >= count => {
+                let rest = (scaled - count as f32).clamp(0.0, crate::math::ONE_MINUS_EPSILON);
+                let (light, pmf) = tree.sample(p, n, rest)?;
+                Some((&self.lights[light as usize], pmf * self.share))
+            }
+            _ => Some((&self.lights[self.infinite[which.min(count - 1)] as usize], self.share)),
+        }
     }
 
-    /// Probability that [`Lights::choose`] gives a light.
+    /// Probability that [`Lights::choose`] gives a light at infinity.
     #[inline]
-    pub fn pmf(&self, index: u32) -> f32 {
-        if self.lights.len() == 1 {
-            return if self.chooser.is_some() { 1.0 } else { 0.0 };
-        }
-        self.chooser.as_ref().map_or(0.0, |c| c.pmf(index as usize))
+    pub fn pmf_infinite(&self) -> f32 {
+        self.share
     }
 
     /// Density per solid angle with which a direction from `from` to a point `on` a shining surface
     /// is sampled, the choice of the light included.
     #[inline]
-    pub fn pdf_area(&self, from: Vec3, on: &Interaction) -> f32 {
-        match &self.lights[on.light as usize] {
-            Light::Area(area) => self.pmf(on.light) * area.pdf_li(from, on),
+    pub fn pdf_area(&self, from: Vec3, n: Vec3, on: &Interaction) -> f32 {
+        match (&self.lights[on.light as usize], &self.tree) {
+            (Light::Area(area), Some(tree)) => tree.pmf(from, n, on.light) * self.share * area.pdf_li(from, on),
             _ => 0.0,
         }
     }
 }
 
 impl Light {
+    /// A light at infinity that sends nothing.
+    fn is_dark(&self) -> bool {
+        match self {
+            Light::Distant { irradiance, .. } => irradiance.max_element() <= 0.0,
+            Light::Environment(e) => e.mean().max_element() <= 0.0,
+            _ => false,
+        }
+    }
+
+    /// What the light tree needs to know; `None` for lights at infinity.
+    fn bounds(&self, emissions: &[Emission], textures: &Textures) -> Option<LightBounds> {
+        let at = |p: Vec3, intensity: Rgb| LightBounds {
+            min: p,
+            max: p,
+            axis: Vec3::Z,
+            strength: intensity.max_element(),
+            cos_normals: -1.0,
+            cos_emission: 0.0,
+            two_sided: false,
+        };
+        match self {
+            Light::Point { p, intensity } => Some(at(*p, *intensity)),
+            Light::Spot { p, axis, intensity, cos_outer, .. } => {
+                // As one normal with a cone of light about it; what the tree subtracts is the angle
+                // beyond the cone, so the cone itself counts as spread of normals.
+                Some(LightBounds { axis: *axis, cos_normals: *cos_outer, ..at(*p, *intensity) })
+            }
+            Light::Area(area) => Some(area.bounds(emissions, textures)),
+            Light::Distant { .. } | Light::Environment(_) => None,
+        }
+    }
+
     /// Samples light that may arrive at `from`; `None` where none can.
     #[inline]
     pub fn sample_li(

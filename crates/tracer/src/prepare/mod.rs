@@ -58,14 +58,12 @@ fn compile(
     materials.propagate_tangents();
 
     let placed = trees::build(desc, camera.shutter, stop)?;
-    let bounds = placed.world.bounds;
     let (mut lights, light_of, surfaces) = lights::areas(desc, &placed);
-    let radius = if bounds.is_empty() { 1.0 } else { bounds.radius().max(1e-6) };
     for light in &desc.lights {
         lights.push(convert(light, &textures.images));
     }
     let emissions = placed.emissions;
-    let lights = Lights::new(lights, light_of, emissions, &textures, radius);
+    let lights = Lights::new(lights, light_of, emissions, &textures);
     let has_alpha = surfaces.iter().any(|s| s.alpha.is_some());
     let geometry = Geometry {
         level: SimdLevel::Scalar,
