@@ -84,11 +84,9 @@ impl Client {
                 Ok(Delivery::Accepted)
             }
             Ok(_) => Ok(Delivery::Duplicate),
-            Err(error) => match error.status() {
-                Some(409) => Ok(Delivery::OtherBytes),
-                Some(410) => Ok(Delivery::Gone),
-                _ => Err(error),
-            },
+            Err(error) if error.is("other-bytes") => Ok(Delivery::OtherBytes),
+            Err(error) if error.status() == Some(410) => Ok(Delivery::Gone),
+            Err(error) => Err(error),
         }
     }
 

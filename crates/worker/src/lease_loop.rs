@@ -29,6 +29,8 @@ use uuid::Uuid;
 const CALLS_MAX: usize = 4;
 /// Settings of jobs that are remembered.
 const SPECS_MAX: usize = 256;
+/// Shortest time between two calls that have nothing to say, whatever the coordinator answers.
+const QUIET: Duration = Duration::from_millis(50);
 /// How long the last words to the coordinator may take when the worker leaves.
 const GOODBYE: Duration = Duration::from_secs(2);
 
@@ -56,9 +58,17 @@ enum Call {
     Synced {
         number: u64,
         worker: Uuid,
+        want: u32,
         reports: Reports,
         result: Result<SyncResponse, ClientError>,
     },
+}
+
+/// Until when not to ask for `want` leases again.
+#[derive(Clone, Copy)]
+struct Quiet {
+    until: Instant,
+    want: u32,
 }
 
 /// A unit whose scene is being prepared.
@@ -87,6 +97,8 @@ pub(crate) struct LeaseLoop {
     next_number: u64,
     failures: u32,
     not_before: Instant,
+    /// The last answer said nothing: no hurry to ask the same again.
+    quiet: Option<Quiet>,
     held: HeldLeases,
     parked: Vec<Parked>,
     specs: HashMap<Uuid, Arc<JobSpec>>,
@@ -136,6 +148,7 @@ impl LeaseLoop {
             next_number: 0,
             failures: 0,
             not_before: Instant::now(),
+            quiet: None,
             held: HeldLeases::default(),
             parked: Vec::new(),
             specs: HashMap::new(),
@@ -154,6 +167,7 @@ impl LeaseLoop {
                 return Ok(());
             }
             self.make_calls();
+            let next_call = self.next_call();
             let deadline = self.leaving.unwrap_or_else(Instant::now);
             let stopped_since = self.leaving.is_some_and(|at| Instant::now() >= at);
             tokio::select! {
@@ -177,18 +191,25 @@ impl LeaseLoop {
                 }
                 Some(done) = self.calls.join_next(), if !self.calls.is_empty() => match done {
                     Ok(Call::Registered(result)) => self.registered(result)?,
-                    Ok(Call::Synced { number, worker, reports, result }) => {
-                        self.synced(number, worker, reports, result)?;
+                    Ok(Call::Synced { number, worker, want, reports, result }) => {
+                        self.open.remove(&number);
+                        self.synced(worker, want, reports, result)?;
                     }
                     Err(error) => tracing::error!(%error, "a call to the coordinator panicked"),
                 },
-                () = tokio::time::sleep_until(self.not_before), if self.calls.is_empty() => {}
+                () = tokio::time::sleep_until(next_call), if self.calls.is_empty() => {}
                 () = tokio::time::sleep(GOODBYE), if stopped_since => {}
             }
         }
     }
 
     // -- talking to the coordinator --
+
+    /// When there may be a call again.
+    fn next_call(&self) -> Instant {
+        let quiet = self.quiet.map_or(self.not_before, |quiet| quiet.until);
+        self.not_before.max(quiet)
+    }
 
     fn make_calls(&mut self) {
         if Instant::now() < self.not_before {
@@ -209,7 +230,10 @@ impl LeaseLoop {
         if !self.reports.is_empty() {
             self.sync(worker, 0, 0);
         }
-        if self.open.is_empty() || (want > 0 && !asking) {
+        let quiet = self
+            .quiet
+            .is_some_and(|quiet| Instant::now() < quiet.until && (quiet.want > 0 || want == 0));
+        if !quiet && (self.open.is_empty() || (want > 0 && !asking)) {
             self.sync(worker, want, heartbeat_ms);
         }
     }
@@ -251,6 +275,7 @@ impl LeaseLoop {
             Call::Synced {
                 number,
                 worker,
+                want,
                 reports,
                 result,
             }
@@ -288,15 +313,20 @@ impl LeaseLoop {
 
     fn synced(
         &mut self,
-        number: u64,
         worker: Uuid,
+        want: u32,
         reports: Reports,
         result: Result<SyncResponse, ClientError>,
     ) -> Result<(), WorkerError> {
-        self.open.remove(&number);
         match result {
             Ok(response) => {
                 self.reachable();
+                // Someone who must not work is answered at once, every time.
+                let pause = if response.drain { 10 * QUIET } else { QUIET };
+                self.quiet = response.leases.is_empty().then(|| Quiet {
+                    until: Instant::now() + pause,
+                    want,
+                });
                 self.take_response(response);
             }
             Err(source) if source.is("engine-version") => {
@@ -305,7 +335,7 @@ impl LeaseLoop {
                     source,
                 });
             }
-            Err(error) if error.is("unknown-worker") => {
+            Err(error) if error.is("no-worker") => {
                 self.reports.add(reports);
                 self.forgotten(worker);
             }
@@ -645,7 +675,14 @@ impl LeaseLoop {
                 "leaving with results that the coordinator did not take: they will be rendered again"
             );
         }
-        if let Some(registered) = &self.registered {
+        let Some(registered) = self.registered.clone() else {
+            return;
+        };
+        // Twice, because an open call may still have brought leases.
+        for last in [false, true] {
+            if last && self.open.values().all(|&want| want == 0) {
+                break;
+            }
             let request = SyncRequest {
                 worker: registered.worker,
                 held: Vec::new(),
@@ -658,7 +695,32 @@ impl LeaseLoop {
             };
             match tokio::time::timeout(GOODBYE, self.client.sync(&request)).await {
                 Ok(Ok(_)) => tracing::info!("left"),
-                _ => tracing::info!("left without the coordinator knowing"),
+                _ => {
+                    tracing::info!("left without the coordinator knowing");
+                    return;
+                }
+            }
+            if !last {
+                self.collect_late_leases().await;
+            }
+        }
+    }
+
+    /// Takes the answers that are on their way and gives back what they bring.
+    async fn collect_late_leases(&mut self) {
+        // A call that is not answered by now is still waiting for work, and dropping it ends that.
+        let deadline = Instant::now() + 4 * QUIET;
+        while self.open.values().any(|&want| want > 0) {
+            match tokio::time::timeout_at(deadline, self.calls.join_next()).await {
+                Ok(Some(Ok(Call::Synced { number, result, .. }))) => {
+                    self.open.remove(&number);
+                    let leases = result.map(|response| response.leases).unwrap_or_default();
+                    self.reports
+                        .given_back
+                        .extend(leases.into_iter().map(|lease| lease.at));
+                }
+                Ok(Some(_)) => {}
+                Ok(None) | Err(_) => return,
             }
         }
     }

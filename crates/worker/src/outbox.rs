@@ -103,7 +103,7 @@ impl Shared {
                 Ok(delivery) => return OutboxEvent::Settled(result.lease, delivery),
                 Err(error) => error,
             };
-            let unknown = error.is("unknown-worker");
+            let unknown = error.is("no-worker");
             if unknown {
                 let _ = self
                     .events
