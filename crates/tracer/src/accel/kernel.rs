@@ -54,6 +54,12 @@ impl<S: Simd> Walker<S> {
     }
 }
 
+/// Numbers of a scattering event, compiled for a level so that its lanes are used.
+#[inline(always)]
+pub fn four_pairs<S: Simd>(reversed: u32, key: u64) -> [glam::Vec2; 4] {
+    crate::sampler::sobol::four_pairs(reversed, key)
+}
+
 /// Closest hit of a ray with everything.
 #[inline(always)]
 pub fn closest<S: Simd>(geometry: &Geometry, ray: &Ray, hit: &mut Hit) {

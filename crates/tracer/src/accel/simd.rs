@@ -394,6 +394,10 @@ macro_rules! entry {
 }
 
 entry! {
+    /// Numbers of a scattering event; see [`crate::sampler`].
+    four_pairs, four_pairs, (reversed: u32, key: u64) -> [glam::Vec2; 4]
+}
+entry! {
     /// Closest hit; see [`kernel::closest`].
     closest, closest, (geometry: &super::Geometry, ray: &crate::ray::Ray, hit: &mut crate::ray::Hit) -> ()
 }

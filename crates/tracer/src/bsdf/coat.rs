@@ -19,7 +19,7 @@
 
 use super::ggx::mirrored;
 use super::{Ggx, fresnel_dielectric};
-use crate::math::{INV_4PI, Rgb, dot, exp, safe_sqrt, sqr};
+use crate::math::{INV_4PI, Rgb, dot, exp, lerp, safe_sqrt, sqr};
 use glam::{Vec2, Vec3};
 
 /// Cells over the cosine. Linear interpolation of T is off by at most 2e-4 (smooth, near the horizon).
@@ -55,8 +55,10 @@ pub struct CoatTable {
     medium: Rgb,
     /// Hits of the base that the depth limit allows: K.
     hits: u32,
-    /// See [`CoatTable::returned`].
+    /// See [`CoatTable::returned`]; over cosines from `critical` to 1.
     returned: Box<[[f32; COSINES + 1]; WIDTHS]>,
+    /// Cosine inside of the direction that leaves along the surface.
+    critical: f32,
 }
 
 /// The i-th of n points of the unit square: Hammersley's.
@@ -137,6 +139,7 @@ impl CoatTable {
             medium: medium_albedo,
             hits: max_depth.div_ceil(2),
             returned: boundary.returned(),
+            critical: boundary.critical(),
         }
     }
 
@@ -251,7 +254,7 @@ impl CoatTable {
         let a = alpha.min(1.0) * (WIDTHS - 1) as f32;
         let ia = (a as usize).min(WIDTHS - 2);
         let fa = a - ia as f32;
-        let c = cos * COSINES as f32;
+        let c = ((cos - self.critical) / (1.0 - self.critical)).max(0.0) * COSINES as f32;
         let ic = (c as usize).min(COSINES - 1);
         let fc = c - ic as f32;
         let row = |i: usize| {
@@ -341,6 +344,10 @@ impl Boundary {
         (rho * n, rho_clear * n, passed * n)
     }
 
+    fn critical(&self) -> f32 {
+        safe_sqrt(1.0 - 1.0 / sqr(self.ior)).min(0.999)
+    }
+
     /// See [`CoatTable::returned`]; the boundary taken as smooth.
     fn returned(&self) -> Box<[[f32; COSINES + 1]; WIDTHS]> {
         let mut table = Box::new([[0.0; COSINES + 1]; WIDTHS]);
@@ -352,7 +359,7 @@ impl Boundary {
             let alpha = i as f32 / (WIDTHS - 1) as f32;
             let ggx = Ggx::new(alpha, alpha);
             for (j, entry) in row.iter_mut().enumerate() {
-                let cos = (j as f32 / COSINES as f32).max(1e-3);
+                let cos = lerp(self.critical(), 1.0, j as f32 / COSINES as f32).max(1e-3);
                 if ggx.is_smooth() {
                     *entry = back(cos);
                     continue;

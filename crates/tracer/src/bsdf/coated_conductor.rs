@@ -27,7 +27,6 @@ const COAT_SPREAD: f32 = 0.5;
 pub struct CoatedConductor<'s> {
     eta: Rgb,
     k: Rgb,
-    /// The metal's lobe, widened by the coat.
     base: Ggx,
     boundary: Ggx,
     coat: &'s CoatTable,
@@ -55,16 +54,10 @@ impl<'s> CoatedConductor<'s> {
         } else {
             Ggx::new(coat_alpha_x, coat_alpha_y)
         };
-        let mut base = Ggx::new(alpha_x, alpha_y);
-        if !boundary.is_smooth() {
-            let s = COAT_SPREAD * sqr(1.0 - 1.0 / ior);
-            let (cx, cy) = boundary.widths();
-            base = base.widened(1.0, s * cx * cx, s * cy * cy);
-        }
         CoatedConductor {
             eta,
             k,
-            base,
+            base: Ggx::new(alpha_x, alpha_y),
             boundary,
             coat,
             base_weight: mean(fresnel_conductor(1.0, eta, k)),
@@ -74,6 +67,28 @@ impl<'s> CoatedConductor<'s> {
     #[inline]
     pub(super) fn is_delta(&self) -> bool {
         self.boundary.is_smooth() && self.base.is_smooth()
+    }
+
+    /// How far a tilt of the boundary's facet turns the refracted direction, squared, in the plane of
+    /// incidence: 1 - cos / (eta cos inside).
+    #[inline]
+    fn bend(&self, w: Vec3, inner: Vec3) -> f32 {
+        if self.boundary.is_smooth() {
+            0.0
+        } else {
+            sqr(1.0 - w.z / (self.coat.ior() * inner.z))
+        }
+    }
+
+    /// The metal's lobe, widened by what crossing the boundary bends.
+    #[inline]
+    fn lobe(&self, bend: f32) -> Ggx {
+        if self.boundary.is_smooth() {
+            return self.base;
+        }
+        let (cx, cy) = self.boundary.widths();
+        let s = COAT_SPREAD * bend;
+        self.base.widened(1.0, s * cx * cx, s * cy * cy)
     }
 
     /// Probability of the boundary's own reflection, given its albedo and T(wo).
@@ -106,13 +121,19 @@ impl<'s> CoatedConductor<'s> {
             let hits = self.coat.hits();
             // Solid angle and cosine inside per outside: cos / (eta^2 cos inside).
             let squeeze = wi.z / (sqr(self.coat.ior()) * inner_i.z);
-            let (once, density, cos) = self.base.reflection(inner_o, inner_i);
+            // Samples know the way in only.
+            let (bend_o, bend_i) = (self.bend(wo, inner_o), self.bend(wi, inner_i));
+            let lobe = self.lobe(0.5 * (bend_o + bend_i));
+            let (once, mut density, cos) = lobe.reflection(inner_o, inner_i);
+            if !self.boundary.is_smooth() {
+                density = self.lobe(bend_o).reflection(inner_o, inner_i).1;
+            }
             pdf += (1.0 - p) * density * squeeze;
             if hits > 0 {
                 let metal = fresnel_conductor(cos, self.eta, self.k);
-                let wide = self.base.widened(2.0, 0.0, 0.0);
+                let wide = lobe.widened(2.0, 0.0, 0.0);
                 let (again, _, _) = wide.reflection(inner_o, inner_i);
-                let (ax, ay) = self.base.widths();
+                let (ax, ay) = lobe.widths();
                 let alpha = (ax * ay).sqrt();
                 let back = (self.coat.returned(alpha, inner_o.z)
                     * self.coat.returned(alpha, inner_i.z))
@@ -161,7 +182,8 @@ impl<'s> CoatedConductor<'s> {
         let p = self.boundary_probability(t, spec);
         let wi = if u_lobe >= p {
             let inner = self.coat.refracted(wo_up)?;
-            let w = mirrored(inner, self.base.sample_visible(inner, u));
+            let lobe = self.lobe(self.bend(wo_up, inner));
+            let w = mirrored(inner, lobe.sample_visible(inner, u));
             // Out again; nothing leaves beyond the critical angle.
             let eta = self.coat.ior();
             let z2 = 1.0 - (1.0 - w.z * w.z) * (eta * eta);

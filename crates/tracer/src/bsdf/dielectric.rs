@@ -86,7 +86,8 @@ impl Dielectric {
             return NOTHING;
         }
         let eta = self.eta_from(wo);
-        let reflected = wo.z * wi.z > 0.0;
+        // By the signs: the product of two tiny cosines is zero.
+        let reflected = (wo.z > 0.0) == (wi.z > 0.0);
         // From here on wo is above.
         let wi = if wo.z < 0.0 { wi.with_z(-wi.z) } else { wi };
         let wo = wo.with_z(wo.z.abs());

@@ -310,14 +310,21 @@ fn light_may_travel_backwards() {
             let back = case.bsdf.eval(b, a) / a.z.abs();
             let error = (there - back).abs().max_element();
             // Near total reflection 1 - F has few digits.
-            let tolerance = 1e-3 + 1e-5 / a.z.abs().min(b.z.abs()) + if scale == 1.0 { 0.0 } else { 0.03 };
+            let tolerance =
+                1e-3 + 1e-5 / a.z.abs().min(b.z.abs()) + if scale == 1.0 { 0.0 } else { 0.03 };
             assert!(
-                error <= tolerance * there.max_element() + 1e-9,
+                error <= tolerance * there.max_element() + if scale == 1.0 { 1e-9 } else { 1e-5 },
                 "{}: {a} to {b} {there}, back {back}",
                 case.name
             );
         }
     }
+}
+
+/// The same direction on the other side. Not a closure: rustc 1.95 reuses an argument that the first
+/// of two closures has changed in place for the second (rust-lang/rust#155241).
+fn turn(v: Vec3) -> Vec3 {
+    Vec3::new(v.x, v.y, -v.z)
 }
 
 #[test]
@@ -326,7 +333,6 @@ fn both_sides_reflect_alike() {
     for case in cases().iter().filter(|c| !c.bsdf.transmits()) {
         for _ in 0..500 {
             let (a, b) = (Vec3::from(rng.direction()), Vec3::from(rng.direction()));
-            let turn = |v: Vec3| v.with_z(-v.z);
             assert_eq!(
                 case.bsdf.eval_pdf(a, b),
                 case.bsdf.eval_pdf(turn(a), turn(b)),

@@ -13,7 +13,7 @@ pub fn sample(scene: &Scene, view: &Integrator, ray: Ray, sampler: &mut Sampler,
     counters.rays += 1;
     let Some(hit) = scene.intersect(&ray) else { return LayerSample::EMPTY };
     let it = scene.interaction(&ray, &hit);
-    let numbers = sampler.bounce();
+    let numbers = sampler.bounce(scene.geometry.level);
     let first = match scene.materials.shade(&scene.geometry.textures, &it, numbers.mix) {
         Some(shading) => First::surface(&it, &shading, -ray.direction, hit.t),
         None => First::bare(&it, hit.t),

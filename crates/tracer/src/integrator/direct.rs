@@ -42,7 +42,7 @@ fn follow(scene: &Scene, ray: &Ray, sampler: &mut Sampler, counters: &mut Counte
     counters.rays += 1;
     let hit = scene.intersect(ray)?;
     let it = scene.interaction(ray, &hit);
-    let numbers = sampler.bounce();
+    let numbers = sampler.bounce(scene.geometry.level);
     let shading = scene.materials.shade(&scene.geometry.textures, &it, numbers.mix)?;
     if !shading.bsdf.is_delta() {
         return None;

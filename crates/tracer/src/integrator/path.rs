@@ -63,7 +63,7 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
         if at_limit && seen_first {
             break;
         }
-        let numbers = sampler.bounce();
+        let numbers = sampler.bounce(scene.geometry.level);
         let Some(shading) = scene.materials.shade(&scene.geometry.textures, &it, numbers.mix) else {
             // No surface: go on in the same direction. The vertex that the direction left from, and
             // so its weight against light sampling, stay as they are.

@@ -99,7 +99,7 @@ impl LightTree {
                 node = right;
             }
         }
-        (pmf > 0.0 && (self.nodes.len() > 1 || node.bounds.importance(p, n) > 0.0)).then_some((node.first, pmf))
+        (pmf > 0.0).then_some((node.first, pmf))
     }
 
     /// Probability that [`LightTree::sample`] gives a light.
@@ -111,9 +111,6 @@ impl LightTree {
         }
         let mut node = &self.nodes[0];
         let mut pmf = 1.0;
-        if node.is_leaf && !(node.bounds.importance(p, n) > 0.0) {
-            return 0.0;
-        }
         while !node.is_leaf {
             let (left, right) = (&self.nodes[node.first as usize], &self.nodes[node.first as usize + 1]);
             let (a, b) = (left.bounds.importance(p, n), right.bounds.importance(p, n));

@@ -1,8 +1,9 @@
 //! Samplers: the numbers of a sample as a pure function of (seed, frame, pixel, sample index,
 //! dimension). No state is kept or sent; the index has no end but 2^32 and no total is needed.
 
-mod sobol;
+pub(crate) mod sobol;
 
+use crate::accel::simd::{self, SimdLevel};
 use crate::hash;
 use glam::Vec2;
 use scene::model::SamplerKind;
@@ -69,10 +70,14 @@ impl Sampler {
 
     /// All numbers for a scattering event.
     #[inline]
-    pub fn bounce(&mut self) -> BounceNumbers {
-        let light = self.next_2d();
-        let bsdf = self.next_2d();
-        let (a, b) = (self.next_2d(), self.next_2d());
+    pub fn bounce(&mut self, level: SimdLevel) -> BounceNumbers {
+        let [light, bsdf, a, b] = if self.kind == SamplerKind::OwenSobol {
+            let key = hash::mix(self.key ^ (self.dimension as u64) << 32);
+            self.dimension += 4;
+            simd::four_pairs(level, self.reversed, key)
+        } else {
+            [self.next_2d(), self.next_2d(), self.next_2d(), self.next_2d()]
+        };
         BounceNumbers { light, bsdf, light_choice: a.x, roulette: a.y, lobe: b.x, mix: b.y }
     }
 }

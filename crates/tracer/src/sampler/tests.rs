@@ -79,3 +79,29 @@ fn halves_are_of_equal_size() {
         assert_eq!(second, n / 2);
     }
 }
+
+/// What the lanes compute are nets too, and the same numbers at every SIMD level.
+#[test]
+fn four_pairs_are_nets_at_every_level() {
+    use crate::accel::simd::{SimdLevel, four_pairs};
+    for key in [1u64, 0xdead_beef_1234_5678] {
+        for m in [3u32, 6] {
+            let n = 1u32 << m;
+            let all: Vec<[Vec2; 4]> = (0..n).map(|i| four_pairs(SimdLevel::Scalar, i.reverse_bits(), key)).collect();
+            for level in [SimdLevel::Sse2, SimdLevel::Avx2, SimdLevel::Avx512] {
+                let again: Vec<_> = (0..n).map(|i| four_pairs(level.available(), i.reverse_bits(), key)).collect();
+                assert_eq!(all, again, "{level:?}");
+            }
+            for pair in 0..4 {
+                for k in 0..=m {
+                    let (nx, ny) = (1usize << k, 1usize << (m - k));
+                    let mut seen = vec![0; n as usize];
+                    for p in all.iter().map(|p| p[pair]) {
+                        seen[(p.y * ny as f32) as usize * nx + (p.x * nx as f32) as usize] += 1;
+                    }
+                    assert!(seen.iter().all(|c| *c == 1), "pair {pair}, m {m}, k {k}: {seen:?}");
+                }
+            }
+        }
+    }
+}

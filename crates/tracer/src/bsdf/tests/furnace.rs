@@ -198,7 +198,7 @@ fn albedos_are_close_to_what_is_sampled() {
             case.name
         );
         assert!(
-            error < 0.45,
+            error < 0.6,
             "{} from {wo}: stated {stated}, sampled {sampled}",
             case.name
         );
