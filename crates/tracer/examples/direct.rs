@@ -12,7 +12,9 @@ use tracer::{PrepareSettings, StopFlag, prepare, render_unit};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
-    let path = args.first().ok_or("usage: direct SCENE [spp] [threads] [out.pfm]")?;
+    let path = args
+        .first()
+        .ok_or("usage: direct SCENE [spp] [threads] [out.pfm]")?;
     let spp: u32 = args.get(1).map_or(Ok(16), |s| s.parse())?;
     let threads: usize = args.get(2).map_or(Ok(2), |s| s.parse())?;
     let begin = Instant::now();
@@ -22,33 +24,53 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         eprintln!("{d}");
     }
     let loaded = begin.elapsed();
-    let settings = PrepareSettings { seed: 0, frame: 0, clamp_indirect: None, threads };
+    let settings = PrepareSettings {
+        seed: 0,
+        frame: 0,
+        clamp_indirect: None,
+        threads,
+    };
     let stop = StopFlag::default();
     let scene = prepare(&desc, assets.as_ref(), &settings, &stop)?;
     let prepared = begin.elapsed() - loaded;
 
     let grid = scene.grid();
     let next = AtomicU32::new(0);
-    let picture = Mutex::new(vec![[0.0f32; 3]; grid.width as usize * grid.height as usize]);
+    let picture = Mutex::new(vec![
+        [0.0f32; 3];
+        grid.width as usize * grid.height as usize
+    ]);
     let total = Mutex::new(film::Counters::default());
     let begin = Instant::now();
     std::thread::scope(|scope| {
         for _ in 0..threads {
-            scope.spawn(|| loop {
-                let tile = next.fetch_add(1, Ordering::Relaxed);
-                if tile >= grid.count() {
-                    break;
+            scope.spawn(|| {
+                loop {
+                    let tile = next.fetch_add(1, Ordering::Relaxed);
+                    if tile >= grid.count() {
+                        break;
+                    }
+                    let unit = Unit {
+                        frame: 0,
+                        tile,
+                        samples: SampleRange { begin: 0, end: spp },
+                    };
+                    let Some((buffer, counters)) = render_unit(&scene, &unit, &stop) else {
+                        break;
+                    };
+                    let place = buffer.tile();
+                    let mut picture = picture.lock().unwrap_or_else(|e| e.into_inner());
+                    for (i, sums) in buffer.pixels().iter().enumerate() {
+                        let (x, y) = (
+                            place.x + i as u32 % place.width,
+                            place.y + i as u32 / place.width,
+                        );
+                        picture[(y * grid.width + x) as usize] = sums
+                            .beauty
+                            .map(|s| (film::fixed::from_fixed(s) / spp as f64) as f32);
+                    }
+                    *total.lock().unwrap_or_else(|e| e.into_inner()) += counters;
                 }
-                let unit = Unit { frame: 0, tile, samples: SampleRange { begin: 0, end: spp } };
-                let Some((buffer, counters)) = render_unit(&scene, &unit, &stop) else { break };
-                let place = buffer.tile();
-                let mut picture = picture.lock().unwrap_or_else(|e| e.into_inner());
-                for (i, sums) in buffer.pixels().iter().enumerate() {
-                    let (x, y) = (place.x + i as u32 % place.width, place.y + i as u32 / place.width);
-                    picture[(y * grid.width + x) as usize] =
-                        sums.beauty.map(|s| (film::fixed::from_fixed(s) / spp as f64) as f32);
-                }
-                *total.lock().unwrap_or_else(|e| e.into_inner()) += counters;
             });
         }
     });

@@ -83,7 +83,9 @@ pub struct PrepareSettings {
 fn simd() -> SimdLevel {
     static LEVEL: OnceLock<SimdLevel> = OnceLock::new();
     *LEVEL.get_or_init(|| {
-        let wanted = std::env::var("BROLLY_SIMD").ok().and_then(|name| SimdLevel::from_name(&name));
+        let wanted = std::env::var("BROLLY_SIMD")
+            .ok()
+            .and_then(|name| SimdLevel::from_name(&name));
         wanted.map_or_else(SimdLevel::best, SimdLevel::available)
     })
 }

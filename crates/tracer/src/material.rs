@@ -1,8 +1,8 @@
 //! Materials: from a description and a point on a surface to a [`Bsdf`].
 
 use crate::bsdf::{
-    self, Bsdf, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Dielectric, Diffuse, DiffuseTransmission,
-    Lafortune, LobeParam, Mirror, OrenNayar, Phong, ThinDielectric,
+    self, Bsdf, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Dielectric, Diffuse,
+    DiffuseTransmission, Lafortune, LobeParam, Mirror, OrenNayar, Phong, ThinDielectric,
 };
 use crate::geometry::Interaction;
 use crate::geometry::interaction::shading_frame;
@@ -34,8 +34,12 @@ impl Material {
         let mut anisotropic = false;
         let mut widths = |r: &Roughness| anisotropic |= r.u != r.v;
         match &desc.bsdf {
-            BsdfDesc::Dielectric { roughness, .. } | BsdfDesc::Conductor { roughness, .. } => widths(roughness),
-            BsdfDesc::CoatedConductor { roughness, coat, .. } => {
+            BsdfDesc::Dielectric { roughness, .. } | BsdfDesc::Conductor { roughness, .. } => {
+                widths(roughness)
+            }
+            BsdfDesc::CoatedConductor {
+                roughness, coat, ..
+            } => {
                 widths(roughness);
                 widths(&coat.roughness);
                 coats = coat_tables(coat);
@@ -44,7 +48,9 @@ impl Material {
                 widths(&coat.roughness);
                 coats = coat_tables(coat);
             }
-            BsdfDesc::Lafortune { lobes: described, .. } => {
+            BsdfDesc::Lafortune {
+                lobes: described, ..
+            } => {
                 lobes = described
                     .iter()
                     .map(|l| LobeParam {
@@ -71,11 +77,22 @@ impl Material {
 
 fn coat_tables(coat: &Coat) -> Vec<CoatTable> {
     let table = |ax: f32, ay: f32| {
-        CoatTable::new(coat.ior, ax, ay, coat.thickness, coat.g, Rgb::from_array(coat.albedo), coat.max_depth)
+        CoatTable::new(
+            coat.ior,
+            ax,
+            ay,
+            coat.thickness,
+            coat.g,
+            Rgb::from_array(coat.albedo),
+            coat.max_depth,
+        )
     };
     match (coat.roughness.u, coat.roughness.v) {
         (FloatTex::Const(u), FloatTex::Const(v)) => {
-            vec![table(width(u, coat.roughness.scale), width(v, coat.roughness.scale))]
+            vec![table(
+                width(u, coat.roughness.scale),
+                width(v, coat.roughness.scale),
+            )]
         }
         _ => COAT_WIDTHS.iter().map(|a| table(*a, *a)).collect(),
     }
@@ -110,7 +127,12 @@ impl Materials {
     /// The scattering function at a point, or `None` where rays pass as if there were no surface.
     /// `u` picks one of mixed materials.
     #[inline]
-    pub fn shade<'s>(&'s self, textures: &Textures, it: &Interaction, u: f32) -> Option<Shading<'s>> {
+    pub fn shade<'s>(
+        &'s self,
+        textures: &Textures,
+        it: &Interaction,
+        u: f32,
+    ) -> Option<Shading<'s>> {
         let material = self.resolve(textures, it, u);
         let bsdf = material.bsdf(textures, &it.point)?;
         let frame = if material.needs_tangents {
@@ -164,7 +186,10 @@ impl Material {
         let color = |t: &model::ColorTex| textures.color(t, at).max(Rgb::ZERO);
         let albedo = |t: &model::ColorTex| textures.color(t, at).clamp(Rgb::ZERO, Rgb::ONE);
         let alpha = |r: &Roughness| {
-            (width(textures.float(&r.u, at), r.scale), width(textures.float(&r.v, at), r.scale))
+            (
+                width(textures.float(&r.u, at), r.scale),
+                width(textures.float(&r.v, at), r.scale),
+            )
         };
         let metal = |f: &ConductorFresnel| match f {
             ConductorFresnel::EtaK { eta, k } => (color(eta), color(k)),
@@ -172,19 +197,37 @@ impl Material {
         };
         Some(match &self.desc {
             BsdfDesc::Diffuse { reflectance } => Bsdf::Diffuse(Diffuse::new(albedo(reflectance))),
-            BsdfDesc::OrenNayar { reflectance, sigma } => {
-                Bsdf::OrenNayar(OrenNayar::new(albedo(reflectance), textures.float(sigma, at)))
-            }
-            BsdfDesc::Phong { diffuse, specular, exponent } => Bsdf::Phong(Phong::new(
+            BsdfDesc::OrenNayar { reflectance, sigma } => Bsdf::OrenNayar(OrenNayar::new(
+                albedo(reflectance),
+                textures.float(sigma, at),
+            )),
+            BsdfDesc::Phong {
+                diffuse,
+                specular,
+                exponent,
+            } => Bsdf::Phong(Phong::new(
                 albedo(diffuse),
                 albedo(specular),
                 textures.float(exponent, at).max(0.0),
             )),
-            BsdfDesc::Lafortune { diffuse, .. } => Bsdf::Lafortune(Lafortune::new(albedo(diffuse), &self.lobes)),
+            BsdfDesc::Lafortune { diffuse, .. } => {
+                Bsdf::Lafortune(Lafortune::new(albedo(diffuse), &self.lobes))
+            }
             BsdfDesc::Mirror { reflectance } => Bsdf::Mirror(Mirror::new(albedo(reflectance))),
-            BsdfDesc::Dielectric { ior, roughness, reflect_tint, transmit_tint } => {
+            BsdfDesc::Dielectric {
+                ior,
+                roughness,
+                reflect_tint,
+                transmit_tint,
+            } => {
                 let (ax, ay) = alpha(roughness);
-                Bsdf::Dielectric(Dielectric::new(*ior, ax, ay, color(reflect_tint), color(transmit_tint)))
+                Bsdf::Dielectric(Dielectric::new(
+                    *ior,
+                    ax,
+                    ay,
+                    color(reflect_tint),
+                    color(transmit_tint),
+                ))
             }
             BsdfDesc::ThinDielectric { ior } => Bsdf::ThinDielectric(ThinDielectric::new(*ior)),
             BsdfDesc::Conductor { fresnel, roughness } => {
@@ -194,17 +237,38 @@ impl Material {
             }
             BsdfDesc::CoatedDiffuse { reflectance, coat } => {
                 let (ax, ay) = alpha(&coat.roughness);
-                Bsdf::CoatedDiffuse(CoatedDiffuse::new(albedo(reflectance), self.coat(ax, ay), ax, ay))
+                Bsdf::CoatedDiffuse(CoatedDiffuse::new(
+                    albedo(reflectance),
+                    self.coat(ax, ay),
+                    ax,
+                    ay,
+                ))
             }
-            BsdfDesc::CoatedConductor { fresnel, roughness, coat } => {
+            BsdfDesc::CoatedConductor {
+                fresnel,
+                roughness,
+                coat,
+            } => {
                 let (ax, ay) = alpha(roughness);
                 let (eta, k) = metal(fresnel);
                 let (cx, cy) = alpha(&coat.roughness);
-                Bsdf::CoatedConductor(CoatedConductor::new(eta, k, ax, ay, self.coat(cx, cy), cx, cy))
+                Bsdf::CoatedConductor(CoatedConductor::new(
+                    eta,
+                    k,
+                    ax,
+                    ay,
+                    self.coat(cx, cy),
+                    cx,
+                    cy,
+                ))
             }
-            BsdfDesc::DiffuseTransmission { reflectance, transmittance } => {
-                Bsdf::DiffuseTransmission(DiffuseTransmission::new(albedo(reflectance), albedo(transmittance)))
-            }
+            BsdfDesc::DiffuseTransmission {
+                reflectance,
+                transmittance,
+            } => Bsdf::DiffuseTransmission(DiffuseTransmission::new(
+                albedo(reflectance),
+                albedo(transmittance),
+            )),
             BsdfDesc::Interface => return None,
             // Resolved before.
             BsdfDesc::Mix { .. } | BsdfDesc::TwoSided { .. } => return None,
@@ -231,7 +295,11 @@ impl Material {
         let mut ns = it.ns;
         if let Some((texture, strength)) = self.normal_map {
             let [r, g, b, _] = textures.eval(texture, &it.point);
-            let local = Vec3::new((2.0 * r - 1.0) * strength, (2.0 * g - 1.0) * strength, 2.0 * b - 1.0);
+            let local = Vec3::new(
+                (2.0 * r - 1.0) * strength,
+                (2.0 * g - 1.0) * strength,
+                2.0 * b - 1.0,
+            );
             if local.dot(local) > 0.0 {
                 let mut frame = shading_frame(ns, it.dpdu);
                 // The second axis follows v, also where the texture is mirrored.
@@ -245,7 +313,11 @@ impl Material {
             ns = bumped(textures, it, ns, bump);
         }
         // A normal that turns away from the geometric one makes black rims: keep it on its side.
-        if ns.dot(it.ng) * it.ns.dot(it.ng) <= 0.0 { it.ns } else { ns }
+        if ns.dot(it.ng) * it.ns.dot(it.ng) <= 0.0 {
+            it.ns
+        } else {
+            ns
+        }
     }
 }
 

@@ -19,7 +19,12 @@ impl Ray {
     /// Without an end.
     #[inline]
     pub fn new(origin: Vec3, direction: Vec3, time: f32) -> Ray {
-        Ray { origin, direction, t_max: f32::INFINITY, time }
+        Ray {
+            origin,
+            direction,
+            t_max: f32::INFINITY,
+            time,
+        }
     }
 }
 
@@ -45,7 +50,13 @@ impl Hit {
     /// Nothing yet.
     #[inline]
     pub fn none(t_max: f32) -> Hit {
-        Hit { t: t_max, instance: NONE, prim: NONE, u: 0.0, v: 0.0 }
+        Hit {
+            t: t_max,
+            instance: NONE,
+            prim: NONE,
+            u: 0.0,
+            v: 0.0,
+        }
     }
     /// Whether something is hit.
     #[inline]

@@ -1,10 +1,10 @@
 //! One unit of work: the one entry point for workers.
 
+use crate::StopFlag;
 use crate::integrator::{debug, direct, path, whitted};
 use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
-use crate::StopFlag;
 use ::scene::model::Integrator;
 use film::{Counters, LayerSample, SampleBuffer, Unit};
 use glam::Vec2;
@@ -13,7 +13,11 @@ use glam::Vec2;
 ///
 /// Every sample is a function of the scene, the seed, the frame, its pixel and its index alone, so
 /// the result does not depend on how samples are grouped into units.
-pub fn render_unit(scene: &Scene, unit: &Unit, stop: &StopFlag) -> Option<(SampleBuffer, Counters)> {
+pub fn render_unit(
+    scene: &Scene,
+    unit: &Unit,
+    stop: &StopFlag,
+) -> Option<(SampleBuffer, Counters)> {
     let tile = scene.grid.tile(unit.tile);
     let mut buffer = SampleBuffer::new(tile, unit.samples);
     let mut counters = Counters::default();
@@ -41,26 +45,40 @@ pub fn render_unit(scene: &Scene, unit: &Unit, stop: &StopFlag) -> Option<(Sampl
 
 /// One sample of one pixel.
 #[inline]
-pub fn render_sample(scene: &Scene, pixel: [u32; 2], index: u32, counters: &mut Counters) -> LayerSample {
+pub fn render_sample(
+    scene: &Scene,
+    pixel: [u32; 2],
+    index: u32,
+    counters: &mut Counters,
+) -> LayerSample {
     let mut sampler = Sampler::start(scene.sampler, scene.seed, scene.frame, pixel, index);
-    let full = [pixel[0] + scene.crop_origin[0], pixel[1] + scene.crop_origin[1]];
+    let full = [
+        pixel[0] + scene.crop_origin[0],
+        pixel[1] + scene.crop_origin[1],
+    ];
     let center = Vec2::new(full[0] as f32 + 0.5, full[1] as f32 + 0.5);
     let size = Vec2::new(scene.full_size[0] as f32, scene.full_size[1] as f32);
     if let Integrator::Whitted { max_depth } = scene.integrator {
-        let ray = scene.camera.ray(center / size, None, scene.camera.shutter.0);
+        let ray = scene
+            .camera
+            .ray(center / size, None, scene.camera.shutter.0);
         return finish(scene, whitted::sample(scene, ray, max_depth, counters), 1.0);
     }
-    let (offset, weight) = scene.filter.sample(sampler.next_2d());
-    let lens = sampler.next_2d();
-    let time = scene.camera.time(sampler.next_1d());
+    let (on_film, lens, moment) = sampler.camera(scene.geometry.level);
+    let (offset, weight) = scene.filter.sample(on_film);
+    let time = scene.camera.time(moment);
     let ray = scene.camera.ray((center + offset) / size, Some(lens), time);
     match &scene.integrator {
-        Integrator::Path { max_depth } => {
-            finish(scene, path::sample(scene, ray, *max_depth, &mut sampler, counters), weight)
-        }
-        Integrator::Direct { max_depth } => {
-            finish(scene, direct::sample(scene, ray, *max_depth, &mut sampler, counters), weight)
-        }
+        Integrator::Path { max_depth } => finish(
+            scene,
+            path::sample(scene, ray, *max_depth, &mut sampler, counters),
+            weight,
+        ),
+        Integrator::Direct { max_depth } => finish(
+            scene,
+            direct::sample(scene, ray, *max_depth, &mut sampler, counters),
+            weight,
+        ),
         view => {
             let mut sample = debug::sample(scene, view, ray, &mut sampler, counters);
             sample.beauty = sample.beauty.map(|c| c * weight);

@@ -73,9 +73,13 @@ impl Scene {
     /// Everything about the point of a hit.
     #[inline]
     pub fn interaction(&self, ray: &Ray, hit: &Hit) -> Interaction {
-        Interaction::new(&self.geometry, &self.lights.light_of, ray, hit, |material| {
-            self.materials.list[material as usize].needs_tangents
-        })
+        Interaction::new(
+            &self.geometry,
+            &self.lights.light_of,
+            ray,
+            hit,
+            |material| self.materials.list[material as usize].needs_tangents,
+        )
     }
 
     /// Radiance that a surface gives off towards `wo`.
@@ -84,6 +88,10 @@ impl Scene {
         if it.emission == NONE {
             return Rgb::ZERO;
         }
-        self.lights.emissions[it.emission as usize].le(&self.geometry.textures, &it.point, it.ng.dot(wo))
+        self.lights.emissions[it.emission as usize].le(
+            &self.geometry.textures,
+            &it.point,
+            it.ng.dot(wo),
+        )
     }
 }

@@ -21,18 +21,27 @@ pub struct Bounds {
 
 impl Default for Bounds {
     fn default() -> Self {
-        Bounds { min: Vec3::splat(f32::INFINITY), max: Vec3::splat(f32::NEG_INFINITY) }
+        Bounds {
+            min: Vec3::splat(f32::INFINITY),
+            max: Vec3::splat(f32::NEG_INFINITY),
+        }
     }
 }
 
 impl Bounds {
     /// Of some points.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Bounds {
-        points.into_iter().fold(Bounds::default(), |b, p| Bounds { min: b.min.min(p), max: b.max.max(p) })
+        points.into_iter().fold(Bounds::default(), |b, p| Bounds {
+            min: b.min.min(p),
+            max: b.max.max(p),
+        })
     }
     /// Around both.
     pub fn union(self, other: Bounds) -> Bounds {
-        Bounds { min: self.min.min(other.min), max: self.max.max(other.max) }
+        Bounds {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
     }
     /// Whether nothing is inside.
     pub fn is_empty(&self) -> bool {
@@ -55,14 +64,21 @@ impl Bounds {
     }
     /// Distance from the centre to a corner.
     pub fn radius(&self) -> f32 {
-        if self.is_empty() { 0.0 } else { crate::math::length(self.max - self.min) * 0.5 }
+        if self.is_empty() {
+            0.0
+        } else {
+            crate::math::length(self.max - self.min) * 0.5
+        }
     }
     /// Larger by a few units in the last place of the largest coordinate, so that what was computed
     /// from rounded numbers is inside.
     pub fn padded(self, by: f32) -> Bounds {
         let size = self.min.abs().max(self.max.abs()).max_element();
         let pad = Vec3::splat(by + size * 1e-6);
-        Bounds { min: self.min - pad, max: self.max + pad }
+        Bounds {
+            min: self.min - pad,
+            max: self.max + pad,
+        }
     }
 }
 
@@ -105,9 +121,17 @@ pub struct Built {
 /// Builds a tree. `corners` gives the corners of a triangle by its primitive.
 pub fn build(items: &[Item], corners: &dyn Fn(u32) -> [Vec3; 3]) -> Built {
     if items.is_empty() {
-        return Built { nodes: vec![], root: EMPTY, blocks: vec![] };
+        return Built {
+            nodes: vec![],
+            root: EMPTY,
+            blocks: vec![],
+        };
     }
-    let binary = if items.len() == 1 { Binary::balanced(items) } else { Binary::ploc(items) };
+    let binary = if items.len() == 1 {
+        Binary::balanced(items)
+    } else {
+        Binary::ploc(items)
+    };
     let built = Collapse::run(&binary, items, corners);
     match built {
         Some(built) => built,
@@ -148,14 +172,23 @@ impl Binary {
             let (lo, hi) = (n.aabb.min, n.aabb.max);
             let is_leaf = n.prim_count > 0;
             BinaryNode {
-                bounds: Bounds { min: Vec3::new(lo.x, lo.y, lo.z), max: Vec3::new(hi.x, hi.y, hi.z) },
-                first: if is_leaf { bvh.primitive_indices[n.first_index as usize] } else { n.first_index },
+                bounds: Bounds {
+                    min: Vec3::new(lo.x, lo.y, lo.z),
+                    max: Vec3::new(hi.x, hi.y, hi.z),
+                },
+                first: if is_leaf {
+                    bvh.primitive_indices[n.first_index as usize]
+                } else {
+                    n.first_index
+                },
                 is_leaf,
                 count: 0,
                 triangles: false,
             }
         };
-        let mut tree = Binary { nodes: bvh.nodes.iter().map(from).collect() };
+        let mut tree = Binary {
+            nodes: bvh.nodes.iter().map(from).collect(),
+        };
         tree.count(items);
         tree
     }
@@ -163,17 +196,34 @@ impl Binary {
     /// Halves by index: never deeper than the logarithm.
     fn balanced(items: &[Item]) -> Binary {
         let mut tree = Binary { nodes: vec![] };
-        let blank = BinaryNode { bounds: Bounds::default(), first: 0, is_leaf: true, count: 0, triangles: false };
+        let blank = BinaryNode {
+            bounds: Bounds::default(),
+            first: 0,
+            is_leaf: true,
+            count: 0,
+            triangles: false,
+        };
         tree.nodes.push(blank);
         let mut todo = vec![(0usize, 0usize, items.len())];
         while let Some((at, from, to)) = todo.pop() {
-            let bounds = items[from..to].iter().fold(Bounds::default(), |b, i| b.union(i.bounds));
+            let bounds = items[from..to]
+                .iter()
+                .fold(Bounds::default(), |b, i| b.union(i.bounds));
             if to - from == 1 {
-                tree.nodes[at] = BinaryNode { bounds, first: from as u32, ..blank };
+                tree.nodes[at] = BinaryNode {
+                    bounds,
+                    first: from as u32,
+                    ..blank
+                };
             } else {
                 let left = tree.nodes.len();
                 tree.nodes.extend([blank, blank]);
-                tree.nodes[at] = BinaryNode { bounds, first: left as u32, is_leaf: false, ..blank };
+                tree.nodes[at] = BinaryNode {
+                    bounds,
+                    first: left as u32,
+                    is_leaf: false,
+                    ..blank
+                };
                 let middle = from + (to - from) / 2;
                 todo.push((left, from, middle));
                 todo.push((left + 1, middle, to));
@@ -199,7 +249,10 @@ impl Binary {
             let (count, triangles) = if node.is_leaf {
                 (1, items[node.first as usize].kind == LeafKind::Triangles)
             } else {
-                let (a, b) = (self.nodes[node.first as usize], self.nodes[node.first as usize + 1]);
+                let (a, b) = (
+                    self.nodes[node.first as usize],
+                    self.nodes[node.first as usize + 1],
+                );
                 (a.count + b.count, a.triangles && b.triangles)
             };
             self.nodes[at as usize].count = count;
@@ -223,9 +276,22 @@ struct Collapse<'a> {
 
 impl<'a> Collapse<'a> {
     /// `None` if the wide tree would be deeper than [`DEPTH_MAX`].
-    fn run(binary: &'a Binary, items: &'a [Item], corners: &'a dyn Fn(u32) -> [Vec3; 3]) -> Option<Built> {
-        let out = Built { nodes: vec![], root: EMPTY, blocks: vec![] };
-        let mut collapse = Collapse { binary, items, corners, out };
+    fn run(
+        binary: &'a Binary,
+        items: &'a [Item],
+        corners: &'a dyn Fn(u32) -> [Vec3; 3],
+    ) -> Option<Built> {
+        let out = Built {
+            nodes: vec![],
+            root: EMPTY,
+            blocks: vec![],
+        };
+        let mut collapse = Collapse {
+            binary,
+            items,
+            corners,
+            out,
+        };
         collapse.out.root = collapse.emit(0, 0)?;
         Some(collapse.out)
     }

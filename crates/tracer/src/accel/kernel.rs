@@ -6,7 +6,7 @@
 //! visited in.
 
 use super::Geometry;
-use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, TriBlock, Tree, leaf_kind};
+use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, Tree, TriBlock, leaf_kind};
 use super::simd::{Lanes, Simd, Stack};
 use crate::ray::{Hit, NONE, Ray};
 use glam::Vec3;
@@ -32,7 +32,13 @@ impl<S: Simd> Walker<S> {
     #[inline(always)]
     fn new(origin: Vec3, direction: Vec3) -> Self {
         // A component of zero would make 0 x infinity; a tiny one gives a slab that is never left.
-        let safe = |x: f32| if x.abs() < 1e-18 { 1e-18f32.copysign(x) } else { x };
+        let safe = |x: f32| {
+            if x.abs() < 1e-18 {
+                1e-18f32.copysign(x)
+            } else {
+                x
+            }
+        };
         let d = [safe(direction.x), safe(direction.y), safe(direction.z)];
         let (o, r) = (origin.to_array(), direction.to_array());
         let kz = if r[0].abs() > r[1].abs() && r[0].abs() > r[2].abs() {
@@ -45,11 +51,27 @@ impl<S: Simd> Walker<S> {
         let (kx, ky) = ([1, 2, 0][kz], [2, 0, 1][kz]);
         Walker {
             origin: [S::F8::splat(o[0]), S::F8::splat(o[1]), S::F8::splat(o[2])],
-            inverse: [S::F8::splat(1.0 / d[0]), S::F8::splat(1.0 / d[1]), S::F8::splat(1.0 / d[2])],
-            near: [(d[0] < 0.0) as usize, 2 + (d[1] < 0.0) as usize, 4 + (d[2] < 0.0) as usize],
+            inverse: [
+                S::F8::splat(1.0 / d[0]),
+                S::F8::splat(1.0 / d[1]),
+                S::F8::splat(1.0 / d[2]),
+            ],
+            near: [
+                (d[0] < 0.0) as usize,
+                2 + (d[1] < 0.0) as usize,
+                4 + (d[2] < 0.0) as usize,
+            ],
             axes: [kx, ky, kz],
-            o4: [S::F4::splat(o[kx]), S::F4::splat(o[ky]), S::F4::splat(o[kz])],
-            shear: [S::F4::splat(r[kx] / r[kz]), S::F4::splat(r[ky] / r[kz]), S::F4::splat(1.0 / r[kz])],
+            o4: [
+                S::F4::splat(o[kx]),
+                S::F4::splat(o[ky]),
+                S::F4::splat(o[kz]),
+            ],
+            shear: [
+                S::F4::splat(r[kx] / r[kz]),
+                S::F4::splat(r[ky] / r[kz]),
+                S::F4::splat(1.0 / r[kz]),
+            ],
         }
     }
 }
@@ -63,14 +85,30 @@ pub fn four_pairs<S: Simd>(reversed: u32, key: u64) -> [glam::Vec2; 4] {
 /// Closest hit of a ray with everything.
 #[inline(always)]
 pub fn closest<S: Simd>(geometry: &Geometry, ray: &Ray, hit: &mut Hit) {
-    walk::<S, false, true>(geometry, &geometry.world, NONE, ray.origin, ray.direction, ray, hit);
+    walk::<S, false, true>(
+        geometry,
+        &geometry.world,
+        NONE,
+        ray.origin,
+        ray.direction,
+        ray,
+        hit,
+    );
 }
 
 /// Whether anything is hit before the ray's end.
 #[inline(always)]
 pub fn occluded<S: Simd>(geometry: &Geometry, ray: &Ray) -> bool {
     let mut hit = Hit::none(ray.t_max);
-    walk::<S, true, true>(geometry, &geometry.world, NONE, ray.origin, ray.direction, ray, &mut hit)
+    walk::<S, true, true>(
+        geometry,
+        &geometry.world,
+        NONE,
+        ray.origin,
+        ray.direction,
+        ray,
+        &mut hit,
+    )
 }
 
 #[inline(always)]
@@ -93,11 +131,17 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
         if word & LEAF == 0 {
             let node = &tree.nodes[word as usize];
             let slab = |axis: usize, which: usize| {
-                S::F8::load(&node.bounds[which]).sub(walker.origin[axis]).mul(walker.inverse[axis])
+                S::F8::load(&node.bounds[which])
+                    .sub(walker.origin[axis])
+                    .mul(walker.inverse[axis])
             };
             let [nx, ny, nz] = walker.near;
-            let enter = slab(0, nx).max(slab(1, ny)).max(slab(2, nz).max(S::F8::splat(0.0)));
-            let leave = slab(0, nx ^ 1).min(slab(1, ny ^ 1)).min(slab(2, nz ^ 1).min(S::F8::splat(hit.t)));
+            let enter = slab(0, nx)
+                .max(slab(1, ny))
+                .max(slab(2, nz).max(S::F8::splat(0.0)));
+            let leave = slab(0, nx ^ 1)
+                .min(slab(1, ny ^ 1))
+                .min(slab(2, nz ^ 1).min(S::F8::splat(hit.t)));
             let mut mask = enter.le(leave.mul(S::F8::splat(FAR_SLACK)));
             if mask != 0 {
                 let first = mask.trailing_zeros() as usize & 7;
@@ -118,7 +162,11 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
                 let second = mask.trailing_zeros() as usize & 7;
                 mask &= mask - 1;
                 if mask == 0 {
-                    let (near, far) = if t[second] < t[first] { (second, first) } else { (first, second) };
+                    let (near, far) = if t[second] < t[first] {
+                        (second, first)
+                    } else {
+                        (first, second)
+                    };
                     stack.push(node.children[far], t[far]);
                     word = node.children[near];
                     continue;
@@ -137,7 +185,15 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
             let index = (word & INDEX_MASK) as usize;
             let kind = leaf_kind(word);
             let found = if kind == LeafKind::Triangles as u32 {
-                triangles::<S, ANY>(geometry, tree, &tree.blocks[index], &walker, instance, ray, hit)
+                triangles::<S, ANY>(
+                    geometry,
+                    tree,
+                    &tree.blocks[index],
+                    &walker,
+                    instance,
+                    ray,
+                    hit,
+                )
             } else if kind == LeafKind::Quadric as u32 {
                 quadric::<ANY>(geometry, tree, index, instance, origin, direction, ray, hit)
             } else if kind == LeafKind::Instance as u32 {
@@ -238,7 +294,17 @@ fn triangles<S: Simd, const ANY: bool>(
     while mask != 0 {
         let lane = mask.trailing_zeros() as usize & 3;
         mask &= mask - 1;
-        let taken = offer::<ANY>(geometry, tree, instance, block.prims[lane], t[lane], u[lane], v[lane], ray, hit);
+        let taken = offer::<ANY>(
+            geometry,
+            tree,
+            instance,
+            block.prims[lane],
+            t[lane],
+            u[lane],
+            v[lane],
+            ray,
+            hit,
+        );
         if ANY && taken {
             return true;
         }
@@ -261,7 +327,10 @@ fn quadric<const ANY: bool>(
     let (shape, prim) = &tree.quadrics[index];
     let [first, second] = shape.intersect(origin, direction);
     for t in [first, second] {
-        if t > 0.0 && t <= hit.t && offer::<ANY>(geometry, tree, instance, *prim, t, 0.0, 0.0, ray, hit) {
+        if t > 0.0
+            && t <= hit.t
+            && offer::<ANY>(geometry, tree, instance, *prim, t, 0.0, 0.0, ray, hit)
+        {
             return true;
         }
     }
@@ -283,11 +352,21 @@ fn offer<const ANY: bool>(
     ray: &Ray,
     hit: &mut Hit,
 ) -> bool {
-    let nearer = if ANY { t < hit.t } else { t < hit.t || (t == hit.t && (instance, prim) < (hit.instance, hit.prim)) };
+    let nearer = if ANY {
+        t < hit.t
+    } else {
+        t < hit.t || (t == hit.t && (instance, prim) < (hit.instance, hit.prim))
+    };
     if !nearer || prim == NONE {
         return false;
     }
-    let candidate = Hit { t, instance, prim, u, v };
+    let candidate = Hit {
+        t,
+        instance,
+        prim,
+        u,
+        v,
+    };
     if geometry.has_alpha && !geometry.is_solid(tree, &candidate, ray) {
         return false;
     }

@@ -12,7 +12,7 @@ use crate::geometry::{Surface, TriMesh};
 use crate::hash;
 use crate::ray::{Hit, NONE, Ray};
 use crate::texture::{Point, Textures};
-use node::{TriBlock, Tree};
+use node::{Tree, TriBlock};
 
 /// A placed group.
 #[derive(Clone, Debug)]
@@ -61,7 +61,11 @@ impl Geometry {
     /// The tree that a hit's primitive belongs to.
     #[inline]
     pub fn tree(&self, instance: u32) -> &Tree {
-        if instance == NONE { &self.world } else { &self.groups[self.instances[instance as usize].group as usize] }
+        if instance == NONE {
+            &self.world
+        } else {
+            &self.groups[self.instances[instance as usize].group as usize]
+        }
     }
 
     /// A block with one deforming triangle as it is at a time.
@@ -81,7 +85,9 @@ impl Geometry {
     pub fn is_solid(&self, tree: &Tree, hit: &Hit, ray: &Ray) -> bool {
         let at = tree.prims[hit.prim as usize];
         let surface = &self.surfaces[at.surface as usize];
-        let Some(alpha) = surface.alpha else { return true };
+        let Some(alpha) = surface.alpha else {
+            return true;
+        };
         let mut point = Point::default();
         if surface.mesh == NONE {
             let (shape, _) = &tree.quadrics[at.index as usize];
@@ -102,7 +108,12 @@ impl Geometry {
             return true;
         }
         let mut key = hash::mix(hit.prim as u64 | (hit.instance as u64) << 32);
-        for x in ray.origin.to_array().into_iter().chain(ray.direction.to_array()) {
+        for x in ray
+            .origin
+            .to_array()
+            .into_iter()
+            .chain(ray.direction.to_array())
+        {
             key = hash::mix(key ^ x.to_bits() as u64);
         }
         hash::to_unit(key) < alpha

@@ -17,7 +17,10 @@ impl Node {
     /// Eight empty slots.
     pub fn empty() -> Node {
         let (lo, hi) = ([f32::MAX; 8], [-f32::MAX; 8]);
-        Node { bounds: [lo, hi, lo, hi, lo, hi], children: [EMPTY; 8] }
+        Node {
+            bounds: [lo, hi, lo, hi, lo, hi],
+            children: [EMPTY; 8],
+        }
     }
 }
 
@@ -69,7 +72,10 @@ pub struct TriBlock {
 impl TriBlock {
     /// Nothing in any lane.
     pub fn empty() -> TriBlock {
-        TriBlock { corners: [[[0.0; 4]; 3]; 3], prims: [u32::MAX; 4] }
+        TriBlock {
+            corners: [[[0.0; 4]; 3]; 3],
+            prims: [u32::MAX; 4],
+        }
     }
     /// Puts a triangle into a lane.
     pub fn set(&mut self, lane: usize, corners: [glam::Vec3; 3], prim: u32) {

@@ -123,9 +123,14 @@ impl SimdLevel {
 
     /// By name.
     pub fn from_name(name: &str) -> Option<SimdLevel> {
-        [SimdLevel::Scalar, SimdLevel::Sse2, SimdLevel::Avx2, SimdLevel::Avx512]
-            .into_iter()
-            .find(|l| l.name() == name)
+        [
+            SimdLevel::Scalar,
+            SimdLevel::Sse2,
+            SimdLevel::Avx2,
+            SimdLevel::Avx512,
+        ]
+        .into_iter()
+        .find(|l| l.name() == name)
     }
 
     /// The best that this processor runs.
@@ -420,7 +425,10 @@ impl Stack {
     /// Empty; the memory is not touched.
     #[inline(always)]
     pub fn new() -> Stack {
-        Stack { items: [const { std::mem::MaybeUninit::uninit() }; STACK_SIZE], len: 0 }
+        Stack {
+            items: [const { std::mem::MaybeUninit::uninit() }; STACK_SIZE],
+            len: 0,
+        }
     }
     /// On top. A full stack means that a builder broke its bound: the process must not go on.
     #[inline(always)]

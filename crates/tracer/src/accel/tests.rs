@@ -12,23 +12,38 @@ type Tri = [Vec3; 3];
 fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
     let mesh = TriMesh {
         positions: triangles.iter().flatten().copied().collect(),
-        indices: (0..triangles.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect(),
+        indices: (0..triangles.len() as u32)
+            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+            .collect(),
         ..TriMesh::default()
     };
     let items: Vec<Item> = triangles
         .iter()
         .enumerate()
-        .map(|(i, t)| Item { bounds: Bounds::of(*t), kind: LeafKind::Triangles, id: i as u32 })
+        .map(|(i, t)| Item {
+            bounds: Bounds::of(*t),
+            kind: LeafKind::Triangles,
+            id: i as u32,
+        })
         .collect();
     let built = build(&items, &|prim| triangles[prim as usize]);
     let world = Tree {
         nodes: built.nodes,
         root: built.root,
         blocks: built.blocks,
-        prims: (0..triangles.len() as u32).map(|index| PrimRef { surface: 0, index }).collect(),
+        prims: (0..triangles.len() as u32)
+            .map(|index| PrimRef { surface: 0, index })
+            .collect(),
         ..Tree::default()
     };
-    let surface = Surface { mesh: 0, material: 0, alpha: None, flip: false, first_light: NONE, emission: NONE };
+    let surface = Surface {
+        mesh: 0,
+        material: 0,
+        alpha: None,
+        flip: false,
+        first_light: NONE,
+        emission: NONE,
+    };
     Geometry {
         level,
         world,
@@ -47,23 +62,38 @@ fn brute(triangles: &[Tri], ray: &Ray) -> Hit {
     for (i, t) in triangles.iter().enumerate() {
         let mut lone = geometry(std::slice::from_ref(t), SimdLevel::Scalar);
         lone.world.nodes.clear();
-        let hit = lone.closest(&Ray { t_max: best.t, ..*ray });
+        let hit = lone.closest(&Ray {
+            t_max: best.t,
+            ..*ray
+        });
         if hit.is_some() && hit.t < best.t {
-            best = Hit { prim: i as u32, ..hit };
+            best = Hit {
+                prim: i as u32,
+                ..hit
+            };
         }
     }
     best
 }
 
 fn levels() -> Vec<SimdLevel> {
-    [SimdLevel::Scalar, SimdLevel::Sse2, SimdLevel::Avx2, SimdLevel::Avx512]
-        .into_iter()
-        .filter(|l| *l <= SimdLevel::best())
-        .collect()
+    [
+        SimdLevel::Scalar,
+        SimdLevel::Sse2,
+        SimdLevel::Avx2,
+        SimdLevel::Avx512,
+    ]
+    .into_iter()
+    .filter(|l| *l <= SimdLevel::best())
+    .collect()
 }
 
 fn point(rng: &mut StdRng, size: f32) -> Vec3 {
-    Vec3::new(rng.random_range(-size..size), rng.random_range(-size..size), rng.random_range(-size..size))
+    Vec3::new(
+        rng.random_range(-size..size),
+        rng.random_range(-size..size),
+        rng.random_range(-size..size),
+    )
 }
 
 fn rays(rng: &mut StdRng, count: usize, triangles: &[Tri]) -> Vec<Ray> {
@@ -75,24 +105,49 @@ fn rays(rng: &mut StdRng, count: usize, triangles: &[Tri]) -> Vec<Ray> {
                 0 => point(rng, 1.0),
                 1 => [Vec3::X, Vec3::NEG_Y, Vec3::Z][i / 4 % 3],
                 2 => triangles[i % triangles.len()][i % 3] - origin,
-                _ => (triangles[i % triangles.len()][0] + triangles[i % triangles.len()][1]) * 0.5 - origin,
+                _ => {
+                    (triangles[i % triangles.len()][0] + triangles[i % triangles.len()][1]) * 0.5
+                        - origin
+                }
             };
-            Ray::new(origin, if direction == Vec3::ZERO { Vec3::X } else { direction }, 0.0)
+            Ray::new(
+                origin,
+                if direction == Vec3::ZERO {
+                    Vec3::X
+                } else {
+                    direction
+                },
+                0.0,
+            )
         })
         .collect()
 }
 
 fn check(name: &str, triangles: &[Tri], rays: &[Ray]) {
-    let trees: Vec<Geometry> = levels().into_iter().map(|l| geometry(triangles, l)).collect();
+    let trees: Vec<Geometry> = levels()
+        .into_iter()
+        .map(|l| geometry(triangles, l))
+        .collect();
     for (i, ray) in rays.iter().enumerate() {
         let expected = brute(triangles, ray);
         for tree in &trees {
             let hit = tree.closest(ray);
             assert_eq!(hit, expected, "{name}, ray {i} {ray:?} at {:?}", tree.level);
-            assert_eq!(tree.occluded(ray), hit.is_some(), "{name}, ray {i} {ray:?} at {:?}", tree.level);
+            assert_eq!(
+                tree.occluded(ray),
+                hit.is_some(),
+                "{name}, ray {i} {ray:?} at {:?}",
+                tree.level
+            );
             if hit.is_some() {
-                let short = Ray { t_max: hit.t, ..*ray };
-                assert!(!tree.occluded(&short), "{name}, ray {i}: the end of a ray is not part of it");
+                let short = Ray {
+                    t_max: hit.t,
+                    ..*ray
+                };
+                assert!(
+                    !tree.occluded(&short),
+                    "{name}, ray {i}: the end of a ray is not part of it"
+                );
             }
         }
     }
@@ -126,12 +181,20 @@ fn equals_brute_force_on_nasty_soups() {
         nested.push([p(-s, -s, s), p(s, -s, s), p(0.0, s, -s)]);
         let q = point(&mut rng, 2.0);
         slivers.push([q, q + p(1.0, 1e-6, 0.0), q + p(2.0, 0.0, 1e-6)]);
-        flat.push([q * p(1.0, 1.0, 0.0), (q + p(0.5, 0.0, 0.0)) * p(1.0, 1.0, 0.0), (q + p(0.0, 0.5, 0.0)) * p(1.0, 1.0, 0.0)]);
+        flat.push([
+            q * p(1.0, 1.0, 0.0),
+            (q + p(0.5, 0.0, 0.0)) * p(1.0, 1.0, 0.0),
+            (q + p(0.0, 0.5, 0.0)) * p(1.0, 1.0, 0.0),
+        ]);
     }
     let points: Vec<Tri> = (0..20).map(|_| [point(&mut rng, 1.0); 3]).collect();
-    for (name, soup) in
-        [("coincident", coincident), ("nested", nested), ("slivers", slivers), ("flat", flat), ("points", points)]
-    {
+    for (name, soup) in [
+        ("coincident", coincident),
+        ("nested", nested),
+        ("slivers", slivers),
+        ("flat", flat),
+        ("points", points),
+    ] {
         let rays = rays(&mut rng, 300, &soup);
         check(name, &soup, &rays);
     }
@@ -140,7 +203,11 @@ fn equals_brute_force_on_nasty_soups() {
 /// No ray from inside a closed mesh gets out, at edges and corners least of all.
 #[test]
 fn closed_meshes_do_not_leak() {
-    for (scale, center) in [(1.0, Vec3::ZERO), (1e-3, Vec3::splat(0.5)), (1e4, Vec3::new(-7e4, 0.0, 3e4))] {
+    for (scale, center) in [
+        (1.0, Vec3::ZERO),
+        (1e-3, Vec3::splat(0.5)),
+        (1e4, Vec3::new(-7e4, 0.0, 3e4)),
+    ] {
         let mut sphere: Vec<Tri> = vec![];
         let (rows, columns) = (24u32, 48u32);
         let at = |i: u32, j: u32| {
@@ -169,8 +236,14 @@ fn closed_meshes_do_not_leak() {
             };
             let ray = Ray::new(origin, target - origin, 0.0);
             if target != origin {
-                assert!(tree.closest(&ray).is_some(), "leak {i} at scale {scale}: {ray:?}");
-                assert!(tree.occluded(&ray), "shadow leak {i} at scale {scale}: {ray:?}");
+                assert!(
+                    tree.closest(&ray).is_some(),
+                    "leak {i} at scale {scale}: {ray:?}"
+                );
+                assert!(
+                    tree.occluded(&ray),
+                    "shadow leak {i} at scale {scale}: {ray:?}"
+                );
             }
         }
     }

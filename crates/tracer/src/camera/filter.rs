@@ -39,12 +39,19 @@ impl FilterSampler {
         let (x, y) = match *filter {
             Filter::Box { radius: (x, y) } => (Axis::Box(x as f32), Axis::Box(y as f32)),
             Filter::Tent { radius: (x, y) } => (Axis::Tent(x as f32), Axis::Tent(y as f32)),
-            Filter::Gaussian { radius: (x, y), sigma } => {
+            Filter::Gaussian {
+                radius: (x, y),
+                sigma,
+            } => {
                 let gauss = |t: f64| libm::exp(-t * t / (2.0 * sigma * sigma));
                 let axis = |r: f64| table(r, &|t| (gauss(t) - gauss(r)).max(0.0));
                 (axis(x), axis(y))
             }
-            Filter::Mitchell { radius: (x, y), b, c } => {
+            Filter::Mitchell {
+                radius: (x, y),
+                b,
+                c,
+            } => {
                 let axis = |r: f64| table(r, &|t| mitchell(2.0 * t / r, b, c));
                 (axis(x), axis(y))
             }
@@ -52,8 +59,19 @@ impl FilterSampler {
                 let axis = |r: f64| table(r, &|t| blackman_harris(t / r));
                 (axis(x), axis(y))
             }
-            Filter::LanczosSinc { radius: (x, y), tau } => {
-                let axis = |r: f64| table(r, &|t| if t.abs() > r { 0.0 } else { sinc(t) * sinc(t / tau) });
+            Filter::LanczosSinc {
+                radius: (x, y),
+                tau,
+            } => {
+                let axis = |r: f64| {
+                    table(r, &|t| {
+                        if t.abs() > r {
+                            0.0
+                        } else {
+                            sinc(t) * sinc(t / tau)
+                        }
+                    })
+                };
                 (axis(x), axis(y))
             }
         };
@@ -86,7 +104,9 @@ impl Table {
         let cell = 2.0 * radius / CELLS as f64;
         // The middle of a cell stands for it: exact enough at 256 cells, and the weights make up for
         // the rest of the sign.
-        let values: Vec<f64> = (0..CELLS).map(|i| f(-radius + (i as f64 + 0.5) * cell)).collect();
+        let values: Vec<f64> = (0..CELLS)
+            .map(|i| f(-radius + (i as f64 + 0.5) * cell))
+            .collect();
         let total: f64 = values.iter().map(|v| v.abs()).sum();
         let signed: f64 = values.iter().sum();
         let mut sum = 0.0;
@@ -96,8 +116,15 @@ impl Table {
             cdf.push(sum as f32);
         }
         cdf[CELLS] = 1.0;
-        let weight = values.iter().map(|v| (total / signed * if *v < 0.0 { -1.0 } else { 1.0 }) as f32).collect();
-        Table { radius: radius as f32, cdf, weight }
+        let weight = values
+            .iter()
+            .map(|v| (total / signed * if *v < 0.0 { -1.0 } else { 1.0 }) as f32)
+            .collect();
+        Table {
+            radius: radius as f32,
+            cdf,
+            weight,
+        }
     }
 
     #[inline]
@@ -105,7 +132,10 @@ impl Table {
         let i = self.cdf.partition_point(|c| *c <= u).clamp(1, CELLS) - 1;
         let (a, b) = (self.cdf[i], self.cdf[i + 1]);
         let f = if b > a { (u - a) / (b - a) } else { 0.5 };
-        ((2.0 * (i as f32 + f) / CELLS as f32 - 1.0) * self.radius, self.weight[i])
+        (
+            (2.0 * (i as f32 + f) / CELLS as f32 - 1.0) * self.radius,
+            self.weight[i],
+        )
     }
 }
 
@@ -113,9 +143,15 @@ impl Table {
 fn mitchell(x: f64, b: f64, c: f64) -> f64 {
     let x = x.abs();
     if x <= 1.0 {
-        ((12.0 - 9.0 * b - 6.0 * c) * x * x * x + (-18.0 + 12.0 * b + 6.0 * c) * x * x + (6.0 - 2.0 * b)) / 6.0
+        ((12.0 - 9.0 * b - 6.0 * c) * x * x * x
+            + (-18.0 + 12.0 * b + 6.0 * c) * x * x
+            + (6.0 - 2.0 * b))
+            / 6.0
     } else if x <= 2.0 {
-        ((-b - 6.0 * c) * x * x * x + (6.0 * b + 30.0 * c) * x * x + (-12.0 * b - 48.0 * c) * x + (8.0 * b + 24.0 * c))
+        ((-b - 6.0 * c) * x * x * x
+            + (6.0 * b + 30.0 * c) * x * x
+            + (-12.0 * b - 48.0 * c) * x
+            + (8.0 * b + 24.0 * c))
             / 6.0
     } else {
         0.0
@@ -130,5 +166,9 @@ fn blackman_harris(x: f64) -> f64 {
 
 fn sinc(x: f64) -> f64 {
     let t = std::f64::consts::PI * x;
-    if t.abs() < 1e-5 { 1.0 } else { libm::sin(t) / t }
+    if t.abs() < 1e-5 {
+        1.0
+    } else {
+        libm::sin(t) / t
+    }
 }

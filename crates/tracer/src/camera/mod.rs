@@ -40,7 +40,12 @@ impl Camera {
     pub fn new(desc: &model::Camera, size: [u32; 2], open_at: f64) -> Camera {
         let aspect = size[0] as f64 / size[1] as f64;
         let (kind, window, lens) = match &desc.projection {
-            Projection::Perspective { fov, fov_axis, window, lens } => {
+            Projection::Perspective {
+                fov,
+                fov_axis,
+                window,
+                lens,
+            } => {
                 let tan = libm::tan(fov.to_radians() * 0.5);
                 let (sx, sy) = match window {
                     Some(w) => ((w.x.0 * tan, w.x.1 * tan), (w.y.0 * tan, w.y.1 * tan)),
@@ -50,20 +55,33 @@ impl Camera {
                             FovAxis::Vertical => false,
                             FovAxis::Shorter => aspect < 1.0,
                         };
-                        let (hx, hy) = if horizontal { (tan, tan / aspect) } else { (tan * aspect, tan) };
+                        let (hx, hy) = if horizontal {
+                            (tan, tan / aspect)
+                        } else {
+                            (tan * aspect, tan)
+                        };
                         ((-hx, hx), (-hy, hy))
                     }
                 };
                 (Kind::Perspective, (sx, sy), lens)
             }
-            Projection::Orthographic { half_height, window, lens } => {
+            Projection::Orthographic {
+                half_height,
+                window,
+                lens,
+            } => {
                 let (sx, sy) = match window {
                     Some(w) => (w.x, w.y),
-                    None => ((-half_height * aspect, half_height * aspect), (-*half_height, *half_height)),
+                    None => (
+                        (-half_height * aspect, half_height * aspect),
+                        (-*half_height, *half_height),
+                    ),
                 };
                 (Kind::Orthographic, (sx, sy), lens)
             }
-            Projection::Spherical { mapping } => (Kind::Spherical(*mapping), ((0.0, 1.0), (0.0, 1.0)), &None),
+            Projection::Spherical { mapping } => {
+                (Kind::Spherical(*mapping), ((0.0, 1.0), (0.0, 1.0)), &None)
+            }
         };
         let (sx, sy) = window;
         Camera {
@@ -82,7 +100,10 @@ impl Camera {
                 },
                 squeeze: (1.0 / l.anamorphic) as f32,
             }),
-            shutter: ((desc.shutter.0 + open_at) as f32, (desc.shutter.1 + open_at) as f32),
+            shutter: (
+                (desc.shutter.0 + open_at) as f32,
+                (desc.shutter.1 + open_at) as f32,
+            ),
             curve: desc.shutter_curve.clone(),
         }
     }

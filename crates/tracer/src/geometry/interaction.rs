@@ -36,7 +36,13 @@ pub struct Interaction {
 impl Interaction {
     /// Works out a hit. `tangents` asks for `dpdu` and `dpdv`.
     #[inline]
-    pub fn new(geometry: &Geometry, light_of: &[u32], ray: &Ray, hit: &Hit, tangents: impl Fn(u32) -> bool) -> Self {
+    pub fn new(
+        geometry: &Geometry,
+        light_of: &[u32],
+        ray: &Ray,
+        hit: &Hit,
+        tangents: impl Fn(u32) -> bool,
+    ) -> Self {
         let tree = geometry.tree(hit.instance);
         let at = tree.prims[hit.prim as usize];
         let surface = &geometry.surfaces[at.surface as usize];
@@ -44,8 +50,11 @@ impl Interaction {
         let (mut p, mut ng, mut ns);
         let (mut dpdu, mut dpdv) = (Vec3::ZERO, Vec3::ZERO);
         let mut error = 0.0;
-        let transforms =
-            (hit.instance != NONE).then(|| geometry.instances[hit.instance as usize].placement.at(ray.time));
+        let transforms = (hit.instance != NONE).then(|| {
+            geometry.instances[hit.instance as usize]
+                .placement
+                .at(ray.time)
+        });
         if surface.mesh == NONE {
             let (shape, _) = &tree.quadrics[at.index as usize];
             let (o, d) = match &transforms {
@@ -123,7 +132,11 @@ impl Interaction {
     /// Where a ray that leaves in direction `w` starts: off the surface, on the side it goes to.
     #[inline]
     pub fn origin_towards(&self, w: Vec3) -> Vec3 {
-        let n = if w.dot(self.ng) < 0.0 { -self.ng } else { self.ng };
+        let n = if w.dot(self.ng) < 0.0 {
+            -self.ng
+        } else {
+            self.ng
+        };
         offset(self.p + n * self.error, n)
     }
 
@@ -137,7 +150,12 @@ impl Interaction {
     #[inline]
     pub fn spawn_to(&self, q: Vec3) -> Ray {
         let origin = self.origin_towards(q - self.p);
-        Ray { origin, direction: q - origin, t_max: 0.9999, time: self.time }
+        Ray {
+            origin,
+            direction: q - origin,
+            t_max: 0.9999,
+            time: self.time,
+        }
     }
 }
 
@@ -158,7 +176,12 @@ pub fn offset(p: Vec3, n: Vec3) -> Vec3 {
 
 /// Derivatives of the position by the texture coordinates of a triangle; any two directions in the
 /// plane where there are no usable coordinates.
-fn derivatives(mesh: &crate::geometry::TriMesh, triangle: u32, [a, b, c]: [Vec3; 3], ng: Vec3) -> (Vec3, Vec3) {
+fn derivatives(
+    mesh: &crate::geometry::TriMesh,
+    triangle: u32,
+    [a, b, c]: [Vec3; 3],
+    ng: Vec3,
+) -> (Vec3, Vec3) {
     let uv = match mesh.uvs.first() {
         Some(set) => mesh.indices[triangle as usize].map(|i| set[i as usize]),
         None => [Vec2::ZERO, Vec2::X, Vec2::ONE],

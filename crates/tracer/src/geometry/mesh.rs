@@ -45,7 +45,8 @@ impl TriMesh {
             if !placed {
                 return Vec3::from_array(*p);
             }
-            let q = transform.transform_point3(glam::DVec3::new(p[0] as f64, p[1] as f64, p[2] as f64));
+            let q =
+                transform.transform_point3(glam::DVec3::new(p[0] as f64, p[1] as f64, p[2] as f64));
             Vec3::new(q.x as f32, q.y as f32, q.z as f32)
         };
         let to_normal = transform.matrix3.inverse().transpose();
@@ -69,7 +70,11 @@ impl TriMesh {
             positions: mesh.positions.iter().map(point).collect(),
             normals: mesh.normals.iter().map(normal).collect(),
             tangents: mesh.tangents.iter().map(tangent).collect(),
-            uvs: mesh.uvs.iter().map(|set| set.iter().map(|uv| Vec2::from_array(*uv)).collect()).collect(),
+            uvs: mesh
+                .uvs
+                .iter()
+                .map(|set| set.iter().map(|uv| Vec2::from_array(*uv)).collect())
+                .collect(),
             colors: mesh.colors.to_vec(),
             indices: mesh.indices.to_vec(),
             first_time: deformation.map_or(0.0, |d| d.first_time as f32),
@@ -120,7 +125,13 @@ impl TriMesh {
 
     /// Key before, key after and where between; key 0 is the mesh itself.
     fn keys_at(&self, time: f32) -> (usize, usize, f32) {
-        let key_time = |k: usize| if k == 0 { self.first_time } else { self.keys[k - 1].time };
+        let key_time = |k: usize| {
+            if k == 0 {
+                self.first_time
+            } else {
+                self.keys[k - 1].time
+            }
+        };
         let after = self.keys.partition_point(|k| k.time <= time) + 1;
         if time <= self.first_time || self.keys.is_empty() {
             (0, 0, 0.0)
@@ -133,7 +144,11 @@ impl TriMesh {
     }
 
     fn key_positions(&self, key: usize) -> &[Vec3] {
-        if key == 0 { &self.positions } else { &self.keys[key - 1].positions }
+        if key == 0 {
+            &self.positions
+        } else {
+            &self.keys[key - 1].positions
+        }
     }
 
     /// Memory held.
@@ -144,6 +159,10 @@ impl TriMesh {
             + self.uvs.iter().map(|u| u.len() * 8).sum::<usize>()
             + self.colors.len() * 16
             + self.indices.len() * 12
-            + self.keys.iter().map(|k| (k.positions.len() + k.normals.len()) * 12).sum::<usize>()
+            + self
+                .keys
+                .iter()
+                .map(|k| (k.positions.len() + k.normals.len()) * 12)
+                .sum::<usize>()
     }
 }

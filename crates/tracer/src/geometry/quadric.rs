@@ -71,12 +71,20 @@ impl Quadric {
                 let (t0, t1) = (c / q, q / a);
                 if t0 < t1 { [t0, t1] } else { [t1, t0] }
             }
-            QuadricKind::Disk { radius, inner, height } => {
+            QuadricKind::Disk {
+                radius,
+                inner,
+                height,
+            } => {
                 let t = (height - o.z) / d.z;
                 let (x, y) = (o.x + t * d.x, o.y + t * d.y);
                 let r2 = x * x + y * y;
                 // NaN and infinity (a ray in the plane) compare false.
-                if r2 <= radius * radius && r2 >= inner * inner { [t, -1.0] } else { [-1.0; 2] }
+                if r2 <= radius * radius && r2 >= inner * inner {
+                    [t, -1.0]
+                } else {
+                    [-1.0; 2]
+                }
             }
         }
     }
@@ -94,19 +102,31 @@ impl Quadric {
                 let uv = Vec2::new(phi * (0.5 / math::PI), theta / math::PI);
                 let dpdu = Vec3::new(-p.y, p.x, 0.0) * (2.0 * math::PI);
                 let r = math::safe_sqrt(n.x * n.x + n.y * n.y);
-                let (c, s) = if r > 0.0 { (n.x / r, n.y / r) } else { (1.0, 0.0) };
+                let (c, s) = if r > 0.0 {
+                    (n.x / r, n.y / r)
+                } else {
+                    (1.0, 0.0)
+                };
                 // v runs from the south pole up: d/dtheta with theta from -Z.
                 let dpdv = Vec3::new(-n.z * c, -n.z * s, r) * (radius * math::PI);
                 (p, n, uv, dpdu, dpdv)
             }
-            QuadricKind::Disk { radius, inner, height } => {
+            QuadricKind::Disk {
+                radius,
+                inner,
+                height,
+            } => {
                 let p = Vec3::new(local.x, local.y, height);
                 let r = math::safe_sqrt(p.x * p.x + p.y * p.y);
                 let phi = math::atan2(p.y, p.x);
                 let phi = if phi < 0.0 { phi + 2.0 * math::PI } else { phi };
                 let uv = Vec2::new(phi * (0.5 / math::PI), (radius - r) / (radius - inner));
                 let dpdu = Vec3::new(-p.y, p.x, 0.0) * (2.0 * math::PI);
-                let out = if r > 0.0 { Vec3::new(p.x / r, p.y / r, 0.0) } else { Vec3::X };
+                let out = if r > 0.0 {
+                    Vec3::new(p.x / r, p.y / r, 0.0)
+                } else {
+                    Vec3::X
+                };
                 (p, Vec3::Z, uv, dpdu, out * (inner - radius))
             }
         };
@@ -130,18 +150,25 @@ impl Quadric {
                     math::length(Vec3::new(m[0].y, m[1].y, m[2].y)),
                     math::length(Vec3::new(m[0].z, m[1].z, m[2].z)),
                 ) * radius;
-                return Bounds { min: self.to_parent.t - extent, max: self.to_parent.t + extent }.padded(0.0);
+                return Bounds {
+                    min: self.to_parent.t - extent,
+                    max: self.to_parent.t + extent,
+                }
+                .padded(0.0);
             }
-            QuadricKind::Disk { radius, height, .. } => {
-                Bounds { min: Vec3::new(-radius, -radius, height), max: Vec3::new(radius, radius, height) }
-            }
+            QuadricKind::Disk { radius, height, .. } => Bounds {
+                min: Vec3::new(-radius, -radius, height),
+                max: Vec3::new(radius, radius, height),
+            },
         };
         Bounds::of(local.corners().map(|p| self.to_parent.point(p))).padded(0.0)
     }
 
     /// Centre and radius in the space of the tree where the transform keeps it a sphere.
     pub fn as_round_sphere(&self) -> Option<(Vec3, f32)> {
-        let QuadricKind::Sphere { radius } = self.kind else { return None };
+        let QuadricKind::Sphere { radius } = self.kind else {
+            return None;
+        };
         let m = &self.to_parent.m;
         let s = m[0].dot(m[0]);
         let close = |a: f32, b: f32| (a - b).abs() <= s * 1e-4;

@@ -21,7 +21,10 @@ impl Affine {
     pub fn new(a: &DAffine3) -> Affine {
         let c = |v: DVec3| Vec3::new(v.x as f32, v.y as f32, v.z as f32);
         let m = a.matrix3;
-        Affine { m: [c(m.x_axis), c(m.y_axis), c(m.z_axis)], t: c(a.translation) }
+        Affine {
+            m: [c(m.x_axis), c(m.y_axis), c(m.z_axis)],
+            t: c(a.translation),
+        }
     }
     /// Applies the map to a point.
     #[inline(always)]
@@ -48,13 +51,23 @@ impl Affine {
         let (r0, r1, r2) = (b.cross(c), c.cross(a), a.cross(b));
         let inv_det = 1.0 / a.dot(r0);
         let (r0, r1, r2) = (r0 * inv_det, r1 * inv_det, r2 * inv_det);
-        let m = [Vec3::new(r0.x, r1.x, r2.x), Vec3::new(r0.y, r1.y, r2.y), Vec3::new(r0.z, r1.z, r2.z)];
+        let m = [
+            Vec3::new(r0.x, r1.x, r2.x),
+            Vec3::new(r0.y, r1.y, r2.y),
+            Vec3::new(r0.z, r1.z, r2.z),
+        ];
         let linear = Affine { m, t: Vec3::ZERO };
-        Affine { m, t: -linear.vector(self.t) }
+        Affine {
+            m,
+            t: -linear.vector(self.t),
+        }
     }
     /// First `other`, then `self`.
     pub fn after(&self, other: &Affine) -> Affine {
-        Affine { m: other.m.map(|c| self.vector(c)), t: self.point(other.t) }
+        Affine {
+            m: other.m.map(|c| self.vector(c)),
+            t: self.point(other.t),
+        }
     }
 }
 
@@ -81,7 +94,12 @@ impl MovingAffine {
         let mut keys: Vec<Key> = Vec::with_capacity(motion.keys.len());
         for key in &motion.keys {
             let (rotation, stretch) = polar(key.transform.matrix3);
-            let mut q = [rotation.x as f32, rotation.y as f32, rotation.z as f32, rotation.w as f32];
+            let mut q = [
+                rotation.x as f32,
+                rotation.y as f32,
+                rotation.z as f32,
+                rotation.w as f32,
+            ];
             // The shorter way round.
             if let Some(last) = keys.last() {
                 let dot: f32 = (0..4).map(|i| last.rotation[i] * q[i]).sum();
@@ -89,8 +107,16 @@ impl MovingAffine {
                     q = q.map(|x| -x);
                 }
             }
-            let a = Affine::new(&DAffine3 { matrix3: stretch, translation: key.transform.translation });
-            keys.push(Key { time: key.time as f32, translation: a.t, rotation: q, stretch: a.m });
+            let a = Affine::new(&DAffine3 {
+                matrix3: stretch,
+                translation: key.transform.translation,
+            });
+            keys.push(Key {
+                time: key.time as f32,
+                translation: a.t,
+                rotation: q,
+                stretch: a.m,
+            });
         }
         MovingAffine { keys }
     }
@@ -113,9 +139,15 @@ impl MovingAffine {
         };
         let mix = |x: Vec3, y: Vec3| x * (1.0 - f) + y * f;
         let rotation = rotation_columns(slerp(a.rotation, b.rotation, f));
-        let turn = Affine { m: rotation, t: Vec3::ZERO };
+        let turn = Affine {
+            m: rotation,
+            t: Vec3::ZERO,
+        };
         let stretch = [0, 1, 2].map(|i| mix(a.stretch[i], b.stretch[i]));
-        Affine { m: stretch.map(|c| turn.vector(c)), t: mix(a.translation, b.translation) }
+        Affine {
+            m: stretch.map(|c| turn.vector(c)),
+            t: mix(a.translation, b.translation),
+        }
     }
 }
 
@@ -132,7 +164,9 @@ impl Placement {
     /// The chain of motions from the outermost to the innermost.
     pub fn new(chain: &[&Motion]) -> Placement {
         if chain.iter().all(|m| !m.is_moving()) {
-            let whole = chain.iter().fold(DAffine3::IDENTITY, |a, m| a * m.keys[0].transform);
+            let whole = chain
+                .iter()
+                .fold(DAffine3::IDENTITY, |a, m| a * m.keys[0].transform);
             Placement::Fixed(Affine::new(&whole), Affine::new(&whole.inverse()))
         } else {
             Placement::Moving(chain.iter().map(|m| MovingAffine::new(m)).collect())
@@ -156,7 +190,9 @@ impl Placement {
 
     /// Times between which the map must be sampled to bound it: one for a fixed map.
     pub fn sample_times(&self, open: f32, close: f32) -> Vec<f32> {
-        let Placement::Moving(chain) = self else { return vec![open] };
+        let Placement::Moving(chain) = self else {
+            return vec![open];
+        };
         let mut knots = vec![open, close];
         for m in chain {
             knots.extend(m.times().filter(|t| *t > open && *t < close));
@@ -165,7 +201,9 @@ impl Placement {
         const STEPS: usize = 32;
         let mut times = Vec::new();
         for pair in knots.windows(2) {
-            times.extend((0..STEPS).map(|i| pair[0] + (pair[1] - pair[0]) * (i as f32 / STEPS as f32)));
+            times.extend(
+                (0..STEPS).map(|i| pair[0] + (pair[1] - pair[0]) * (i as f32 / STEPS as f32)),
+            );
         }
         times.push(close);
         times
@@ -177,7 +215,10 @@ fn polar(m: DMat3) -> (DQuat, DMat3) {
     let mut r = if m.determinant() < 0.0 { m * -1.0 } else { m };
     for _ in 0..64 {
         let next = (r + r.inverse().transpose()) * 0.5;
-        let change = (next - r).to_cols_array().iter().fold(0.0f64, |a, x| a.max(x.abs()));
+        let change = (next - r)
+            .to_cols_array()
+            .iter()
+            .fold(0.0f64, |a, x| a.max(x.abs()));
         r = next;
         if change < 1e-15 {
             break;
@@ -202,8 +243,20 @@ fn slerp(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
 
 fn rotation_columns([x, y, z, w]: [f32; 4]) -> [Vec3; 3] {
     [
-        Vec3::new(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
-        Vec3::new(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
-        Vec3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
+        Vec3::new(
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y + w * z),
+            2.0 * (x * z - w * y),
+        ),
+        Vec3::new(
+            2.0 * (x * y - w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z + w * x),
+        ),
+        Vec3::new(
+            2.0 * (x * z + w * y),
+            2.0 * (y * z - w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        ),
     ]
 }

@@ -9,12 +9,23 @@ use ::scene::model::Integrator;
 use film::{Counters, LayerSample};
 
 /// One quantity of the first surface as a colour; black where there is none.
-pub fn sample(scene: &Scene, view: &Integrator, ray: Ray, sampler: &mut Sampler, counters: &mut Counters) -> LayerSample {
+pub fn sample(
+    scene: &Scene,
+    view: &Integrator,
+    ray: Ray,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) -> LayerSample {
     counters.rays += 1;
-    let Some(hit) = scene.intersect(&ray) else { return LayerSample::EMPTY };
+    let Some(hit) = scene.intersect(&ray) else {
+        return LayerSample::EMPTY;
+    };
     let it = scene.interaction(&ray, &hit);
     let numbers = sampler.bounce(scene.geometry.level);
-    let first = match scene.materials.shade(&scene.geometry.textures, &it, numbers.mix) {
+    let first = match scene
+        .materials
+        .shade(&scene.geometry.textures, &it, numbers.mix)
+    {
         Some(shading) => First::surface(&it, &shading, -ray.direction, hit.t),
         None => First::bare(&it, hit.t),
     };

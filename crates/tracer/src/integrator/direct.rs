@@ -9,7 +9,13 @@ use film::{Counters, LayerSample};
 
 /// Radiance along a camera ray that is emitted, or scattered once after any number of perfect
 /// mirrors and panes.
-pub fn sample(scene: &Scene, ray: Ray, max_depth: u32, sampler: &mut Sampler, counters: &mut Counters) -> LayerSample {
+pub fn sample(
+    scene: &Scene,
+    ray: Ray,
+    max_depth: u32,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) -> LayerSample {
     let mut ray = ray;
     let mut throughput = Rgb::ONE;
     let mut layers: Option<LayerSample> = None;
@@ -24,11 +30,16 @@ pub fn sample(scene: &Scene, ray: Ray, max_depth: u32, sampler: &mut Sampler, co
         };
         total += throughput * delta.emitted;
         layers.get_or_insert(delta.layers);
-        let Some((next, weight)) = delta.next else { break };
+        let Some((next, weight)) = delta.next else {
+            break;
+        };
         throughput *= weight;
         ray = next;
     }
-    LayerSample { beauty: total.to_array(), ..layers.unwrap_or(LayerSample::EMPTY) }
+    LayerSample {
+        beauty: total.to_array(),
+        ..layers.unwrap_or(LayerSample::EMPTY)
+    }
 }
 
 struct Followed {
@@ -38,17 +49,26 @@ struct Followed {
 }
 
 /// If a ray meets a perfect mirror or pane: what that gives off and the ray that goes on.
-fn follow(scene: &Scene, ray: &Ray, sampler: &mut Sampler, counters: &mut Counters) -> Option<Followed> {
+fn follow(
+    scene: &Scene,
+    ray: &Ray,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) -> Option<Followed> {
     counters.rays += 1;
     let hit = scene.intersect(ray)?;
     let it = scene.interaction(ray, &hit);
     let numbers = sampler.bounce(scene.geometry.level);
-    let shading = scene.materials.shade(&scene.geometry.textures, &it, numbers.mix)?;
+    let shading = scene
+        .materials
+        .shade(&scene.geometry.textures, &it, numbers.mix)?;
     if !shading.bsdf.is_delta() {
         return None;
     }
     let wo = -ray.direction;
-    let sampled = shading.bsdf.sample(shading.frame.to_local(wo), numbers.lobe, numbers.bsdf);
+    let sampled = shading
+        .bsdf
+        .sample(shading.frame.to_local(wo), numbers.lobe, numbers.bsdf);
     Some(Followed {
         emitted: scene.emitted(&it, wo),
         layers: super::First::surface(&it, &shading, wo, hit.t).with(Rgb::ZERO),

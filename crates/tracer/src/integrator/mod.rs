@@ -25,21 +25,34 @@ pub(crate) struct First {
 }
 
 impl First {
-    pub(crate) const NOTHING: First =
-        First { alpha: 0.0, albedo: Rgb::ZERO, normal: Vec3::ZERO, depth: f32::INFINITY };
+    pub(crate) const NOTHING: First = First {
+        alpha: 0.0,
+        albedo: Rgb::ZERO,
+        normal: Vec3::ZERO,
+        depth: f32::INFINITY,
+    };
 
     pub(crate) fn surface(it: &Interaction, shading: &Shading, wo: Vec3, depth: f32) -> First {
         First {
             alpha: 1.0,
             albedo: shading.bsdf.albedo(shading.frame.to_local(wo)),
-            normal: if shading.frame.n.dot(wo) < 0.0 && it.ng.dot(wo) < 0.0 { -shading.frame.n } else { shading.frame.n },
+            normal: if shading.frame.n.dot(wo) < 0.0 && it.ng.dot(wo) < 0.0 {
+                -shading.frame.n
+            } else {
+                shading.frame.n
+            },
             depth,
         }
     }
 
     /// A surface that only shines or lets pass.
     pub(crate) fn bare(it: &Interaction, depth: f32) -> First {
-        First { alpha: 1.0, albedo: Rgb::ZERO, normal: it.ns, depth }
+        First {
+            alpha: 1.0,
+            albedo: Rgb::ZERO,
+            normal: it.ns,
+            depth,
+        }
     }
 
     pub(crate) fn with(self, radiance: Rgb) -> LayerSample {
@@ -75,16 +88,24 @@ pub(crate) fn sampled_light(
     u: Vec2,
     counters: &mut Counters,
 ) -> Rgb {
-    let Some((light, pmf)) = scene.lights.choose(it.p, it.ns, u_choice) else { return Rgb::ZERO };
+    let Some((light, pmf)) = scene.lights.choose(it.p, it.ns, u_choice) else {
+        return Rgb::ZERO;
+    };
     let textures = &scene.geometry.textures;
-    let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, u) else { return Rgb::ZERO };
+    let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, u) else {
+        return Rgb::ZERO;
+    };
     let wi = shading.frame.to_local(sample.wi);
     let (f, pdf_bsdf) = shading.bsdf.eval_pdf(wo_local, wi);
     if f == Rgb::ZERO {
         return Rgb::ZERO;
     }
     let pdf = sample.pdf * pmf;
-    let weight = if sample.delta { 1.0 } else { power_heuristic(pdf, pdf_bsdf) };
+    let weight = if sample.delta {
+        1.0
+    } else {
+        power_heuristic(pdf, pdf_bsdf)
+    };
     let l = f * sample.li * (weight / pdf);
     if l == Rgb::ZERO || is_shadowed(scene, it, &sample, counters) {
         return Rgb::ZERO;
@@ -94,7 +115,12 @@ pub(crate) fn sampled_light(
 
 /// Whether something stands between a point and a light sample.
 #[inline]
-pub(crate) fn is_shadowed(scene: &Scene, it: &Interaction, sample: &LightSample, counters: &mut Counters) -> bool {
+pub(crate) fn is_shadowed(
+    scene: &Scene,
+    it: &Interaction,
+    sample: &LightSample,
+    counters: &mut Counters,
+) -> bool {
     counters.shadow_rays += 1;
     let ray = match sample.target {
         Some(q) => it.spawn_to(q),
@@ -109,7 +135,9 @@ pub(crate) fn is_shadowed(scene: &Scene, it: &Interaction, sample: &LightSample,
 pub(crate) fn from_infinity(scene: &Scene, ray: &Ray, pdf_bsdf: Option<f32>) -> Rgb {
     let mut sum = Rgb::ZERO;
     for &index in &scene.lights.environments {
-        let Light::Environment(e) = &scene.lights.lights[index as usize] else { continue };
+        let Light::Environment(e) = &scene.lights.lights[index as usize] else {
+            continue;
+        };
         let le = e.le(&scene.geometry.textures.images, ray.direction);
         let weight = match pdf_bsdf {
             None => 1.0,
@@ -122,9 +150,13 @@ pub(crate) fn from_infinity(scene: &Scene, ray: &Ray, pdf_bsdf: Option<f32>) -> 
 
 /// Alpha of a camera ray that meets nothing: the sky covers, unless it is hidden or absent.
 pub(crate) fn sky_alpha(scene: &Scene) -> f32 {
-    let seen = scene.lights.environments.iter().any(|i| match &scene.lights.lights[*i as usize] {
-        Light::Environment(e) => !e.hidden,
-        _ => false,
-    });
+    let seen = scene
+        .lights
+        .environments
+        .iter()
+        .any(|i| match &scene.lights.lights[*i as usize] {
+            Light::Environment(e) => !e.hidden,
+            _ => false,
+        });
     if seen { 1.0 } else { 0.0 }
 }

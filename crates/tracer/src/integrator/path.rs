@@ -18,7 +18,13 @@ const PASS_MAX: u32 = 1000;
 
 /// Radiance along a camera ray.
 #[inline]
-pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler, counters: &mut Counters) -> LayerSample {
+pub fn sample(
+    scene: &Scene,
+    mut ray: Ray,
+    max_depth: u32,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) -> LayerSample {
     let mut radiance = Rgb::ZERO;
     let mut throughput = Rgb::ONE;
     let mut first = First::NOTHING;
@@ -40,12 +46,20 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
         let hit = scene.geometry.closest(&ray);
         if !hit.is_some() {
             if depth == 0 {
-                first.alpha = if seen_first { first.alpha } else { sky_alpha(scene) };
+                first.alpha = if seen_first {
+                    first.alpha
+                } else {
+                    sky_alpha(scene)
+                };
                 if !hidden_sky(scene) {
                     radiance += throughput * from_infinity(scene, &ray, None);
                 }
             } else {
-                radiance += bounded(scene, throughput * from_infinity(scene, &ray, last_pdf), depth);
+                radiance += bounded(
+                    scene,
+                    throughput * from_infinity(scene, &ray, last_pdf),
+                    depth,
+                );
             }
             break;
         }
@@ -54,7 +68,9 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
         let le = scene.emitted(&it, wo);
         if le != Rgb::ZERO {
             let weight = match last_pdf {
-                Some(pdf) if it.light != NONE => power_heuristic(pdf, scene.lights.pdf_area(last_p, last_n, &it)),
+                Some(pdf) if it.light != NONE => {
+                    power_heuristic(pdf, scene.lights.pdf_area(last_p, last_n, &it))
+                }
                 _ => 1.0,
             };
             radiance += bounded(scene, throughput * le * weight, depth);
@@ -64,7 +80,10 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
             break;
         }
         let numbers = sampler.bounce(scene.geometry.level);
-        let Some(shading) = scene.materials.shade(&scene.geometry.textures, &it, numbers.mix) else {
+        let Some(shading) = scene
+            .materials
+            .shade(&scene.geometry.textures, &it, numbers.mix)
+        else {
             // No surface: go on in the same direction. The vertex that the direction left from, and
             // so its weight against light sampling, stay as they are.
             passed += 1;
@@ -86,12 +105,22 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
         counters.bounces += 1;
         let wo_local = shading.frame.to_local(wo);
         if !shading.bsdf.is_delta() {
-            let l = sampled_light(scene, &it, &shading, wo_local, numbers.light_choice, numbers.light, counters);
+            let l = sampled_light(
+                scene,
+                &it,
+                &shading,
+                wo_local,
+                numbers.light_choice,
+                numbers.light,
+                counters,
+            );
             if l != Rgb::ZERO {
                 radiance += bounded(scene, throughput * l, depth);
             }
         }
-        let Some(s) = shading.bsdf.sample(wo_local, numbers.lobe, numbers.bsdf) else { break };
+        let Some(s) = shading.bsdf.sample(wo_local, numbers.lobe, numbers.bsdf) else {
+            break;
+        };
         throughput *= s.weight;
         if s.transmitted {
             eta_scale *= s.eta * s.eta;
@@ -115,7 +144,11 @@ pub fn sample(scene: &Scene, mut ray: Ray, max_depth: u32, sampler: &mut Sampler
 #[inline(always)]
 fn bounded(scene: &Scene, radiance: Rgb, depth: u32) -> Rgb {
     let most = radiance.max_element();
-    if depth >= 2 && most > scene.clamp_indirect { radiance * (scene.clamp_indirect / most) } else { radiance }
+    if depth >= 2 && most > scene.clamp_indirect {
+        radiance * (scene.clamp_indirect / most)
+    } else {
+        radiance
+    }
 }
 
 /// Whether the sky is not to be seen directly.

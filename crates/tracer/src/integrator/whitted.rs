@@ -16,10 +16,21 @@ use glam::{Vec2, Vec3};
 pub fn sample(scene: &Scene, ray: Ray, max_depth: u32, counters: &mut Counters) -> LayerSample {
     let mut first = None;
     let radiance = trace(scene, &ray, max_depth, counters, &mut first);
-    first.unwrap_or(First { alpha: super::sky_alpha(scene), ..First::NOTHING }).with(radiance)
+    first
+        .unwrap_or(First {
+            alpha: super::sky_alpha(scene),
+            ..First::NOTHING
+        })
+        .with(radiance)
 }
 
-fn trace(scene: &Scene, ray: &Ray, depth_left: u32, counters: &mut Counters, first: &mut Option<First>) -> Rgb {
+fn trace(
+    scene: &Scene,
+    ray: &Ray,
+    depth_left: u32,
+    counters: &mut Counters,
+    first: &mut Option<First>,
+) -> Rgb {
     counters.rays += 1;
     let Some(hit) = scene.intersect(ray) else {
         return super::from_infinity(scene, ray, None);
@@ -30,7 +41,18 @@ fn trace(scene: &Scene, ray: &Ray, depth_left: u32, counters: &mut Counters, fir
     // A mix has no place in this model: its larger part stands for it.
     let Some(shading) = scene.materials.shade(&scene.geometry.textures, &it, 0.5) else {
         first.get_or_insert(First::bare(&it, hit.t));
-        return radiance + if depth_left > 0 { trace(scene, &it.spawn(ray.direction), depth_left - 1, counters, first) } else { Rgb::ZERO };
+        return radiance
+            + if depth_left > 0 {
+                trace(
+                    scene,
+                    &it.spawn(ray.direction),
+                    depth_left - 1,
+                    counters,
+                    first,
+                )
+            } else {
+                Rgb::ZERO
+            };
     };
     first.get_or_insert(First::surface(&it, &shading, wo, hit.t));
     let wo_local = shading.frame.to_local(wo);
@@ -42,7 +64,10 @@ fn trace(scene: &Scene, ray: &Ray, depth_left: u32, counters: &mut Counters, fir
     if depth_left > 0 && shading.bsdf.is_delta() {
         // The two choices of a pane are at the two ends of the uniform number; each comes back with
         // weight 1 / probability, so that its probability turns it into its share.
-        let ends = [shading.bsdf.sample(wo_local, 0.0, Vec2::splat(0.5)), shading.bsdf.sample(wo_local, 0.999_999_9, Vec2::splat(0.5))];
+        let ends = [
+            shading.bsdf.sample(wo_local, 0.0, Vec2::splat(0.5)),
+            shading.bsdf.sample(wo_local, 0.999_999_9, Vec2::splat(0.5)),
+        ];
         let mut done: Option<bool> = None;
         for s in ends.into_iter().flatten() {
             if done == Some(s.transmitted) {
@@ -57,7 +82,14 @@ fn trace(scene: &Scene, ray: &Ray, depth_left: u32, counters: &mut Counters, fir
     radiance
 }
 
-fn from_light(scene: &Scene, light: &Light, it: &Interaction, shading: &Shading, wo: Vec3, counters: &mut Counters) -> Rgb {
+fn from_light(
+    scene: &Scene,
+    light: &Light,
+    it: &Interaction,
+    shading: &Shading,
+    wo: Vec3,
+    counters: &mut Counters,
+) -> Rgb {
     let textures = &scene.geometry.textures;
     let sample = match light {
         Light::Environment(_) => None,
@@ -71,7 +103,9 @@ fn from_light(scene: &Scene, light: &Light, it: &Interaction, shading: &Shading,
         }
         delta => delta.sample_li(textures, &scene.lights.emissions, it.p, Vec2::splat(0.5)),
     };
-    let Some(sample) = sample else { return Rgb::ZERO };
+    let Some(sample) = sample else {
+        return Rgb::ZERO;
+    };
     let f = shading.bsdf.eval(wo, shading.frame.to_local(sample.wi));
     if f == Rgb::ZERO || super::is_shadowed(scene, it, &sample, counters) {
         return Rgb::ZERO;
@@ -81,7 +115,12 @@ fn from_light(scene: &Scene, light: &Light, it: &Interaction, shading: &Shading,
 
 /// An area light as a point at its centroid: E = L A cos / r^2 (for a sphere, L pi r^2 / d^2 from its
 /// near side).
-fn point_like(scene: &Scene, area: &crate::light::AreaLight, centroid: Vec3, it: &Interaction) -> Option<LightSample> {
+fn point_like(
+    scene: &Scene,
+    area: &crate::light::AreaLight,
+    centroid: Vec3,
+    it: &Interaction,
+) -> Option<LightSample> {
     let textures = &scene.geometry.textures;
     let emission = &scene.lights.emissions[area.emission as usize];
     let d = centroid - it.p;
@@ -93,14 +132,30 @@ fn point_like(scene: &Scene, area: &crate::light::AreaLight, centroid: Vec3, it:
     let (target, projected, cos) = match &area.shape {
         AreaShape::Sphere { radius, inward, .. } => {
             let cos = if *inward { -1.0 } else { 1.0 };
-            (it.p + wi * (distance - radius).max(0.0), math::PI * radius * radius, cos)
+            (
+                it.p + wi * (distance - radius).max(0.0),
+                math::PI * radius * radius,
+                cos,
+            )
         }
-        AreaShape::Triangle { n, .. } | AreaShape::Parallelogram { n, .. } | AreaShape::Disk { n, .. } => {
+        AreaShape::Triangle { n, .. }
+        | AreaShape::Parallelogram { n, .. }
+        | AreaShape::Disk { n, .. } => {
             let cos = -n.dot(wi);
             (centroid, area.area() * cos.abs(), cos)
         }
     };
-    let point = crate::texture::Point { uv: [Vec2::splat(0.5); 2], p: centroid, ..Default::default() };
+    let point = crate::texture::Point {
+        uv: [Vec2::splat(0.5); 2],
+        p: centroid,
+        ..Default::default()
+    };
     let le = emission.le(textures, &point, cos);
-    Some(LightSample { wi, target: Some(target), li: le * (projected / (distance * distance)), pdf: 1.0, delta: true })
+    Some(LightSample {
+        wi,
+        target: Some(target),
+        li: le * (projected / (distance * distance)),
+        pdf: 1.0,
+        delta: true,
+    })
 }

@@ -120,22 +120,40 @@ impl AreaLight {
         let mut sum = Rgb::ZERO;
         for i in 0..GRID * GRID {
             let u = Vec2::new((i % GRID) as f32 + 0.5, (i / GRID) as f32 + 0.5) / GRID as f32;
-            let point = Point { uv: [self.uv_at(u); 2], ..Point::default() };
+            let point = Point {
+                uv: [self.uv_at(u); 2],
+                ..Point::default()
+            };
             sum += textures.color(&emission.radiance, &point);
         }
         let radiance = (sum * (emission.scale / (GRID * GRID) as f32)).max_element();
         let (points, axis, area) = match &self.shape {
-            AreaShape::Triangle { p, e1, e2, n, area, .. } => (vec![*p, *p + *e1, *p + *e2], Some(*n), *area),
-            AreaShape::Parallelogram { p, e1, e2, n, area } => {
-                (vec![*p, *p + *e1, *p + *e2, *p + *e1 + *e2], Some(*n), *area)
-            }
-            AreaShape::Disk { center, a, b, n, area, .. } => {
+            AreaShape::Triangle {
+                p, e1, e2, n, area, ..
+            } => (vec![*p, *p + *e1, *p + *e2], Some(*n), *area),
+            AreaShape::Parallelogram { p, e1, e2, n, area } => (
+                vec![*p, *p + *e1, *p + *e2, *p + *e1 + *e2],
+                Some(*n),
+                *area,
+            ),
+            AreaShape::Disk {
+                center,
+                a,
+                b,
+                n,
+                area,
+                ..
+            } => {
                 let corners = [*a + *b, *a - *b, *b - *a, -*a - *b];
                 (corners.map(|c| *center + c).to_vec(), Some(*n), *area)
             }
             AreaShape::Sphere { center, radius, .. } => {
                 let r = Vec3::splat(*radius);
-                (vec![*center - r, *center + r], None, math::PI * radius * radius)
+                (
+                    vec![*center - r, *center + r],
+                    None,
+                    math::PI * radius * radius,
+                )
             }
         };
         let bounds = Bounds::of(points);
@@ -172,21 +190,45 @@ impl AreaLight {
         let emission = &emissions[self.emission as usize];
         let mut point = Point::default();
         let (q, n, pdf_area) = match &self.shape {
-            AreaShape::Triangle { p, e1, e2, n, area, uv } => {
+            AreaShape::Triangle {
+                p,
+                e1,
+                e2,
+                n,
+                area,
+                uv,
+            } => {
                 let b = sampling::uniform_triangle(u);
                 point.uv = [uv[0] * (1.0 - b.x - b.y) + uv[1] * b.x + uv[2] * b.y; 2];
                 (*p + *e1 * b.x + *e2 * b.y, *n, 1.0 / area)
             }
-            AreaShape::Parallelogram { p, e1, e2, n, area } => (*p + *e1 * u.x + *e2 * u.y, *n, 1.0 / area),
-            AreaShape::Disk { center, a, b, n, area, hole } => {
+            AreaShape::Parallelogram { p, e1, e2, n, area } => {
+                (*p + *e1 * u.x + *e2 * u.y, *n, 1.0 / area)
+            }
+            AreaShape::Disk {
+                center,
+                a,
+                b,
+                n,
+                area,
+                hole,
+            } => {
                 let d = sampling::uniform_disk_concentric(u);
                 let r2 = d.dot(d);
                 // Area-preserving push out of the hole.
                 let r = (hole * hole + (1.0 - hole * hole) * r2).sqrt();
-                let d = if r2 > 0.0 { d * (r / r2.sqrt()) } else { Vec2::new(r, 0.0) };
+                let d = if r2 > 0.0 {
+                    d * (r / r2.sqrt())
+                } else {
+                    Vec2::new(r, 0.0)
+                };
                 (*center + *a * d.x + *b * d.y, *n, 1.0 / area)
             }
-            AreaShape::Sphere { center, radius, inward } => {
+            AreaShape::Sphere {
+                center,
+                radius,
+                inward,
+            } => {
                 return sphere_sample(*center, *radius, *inward, emission, textures, from, u);
             }
         };
@@ -220,7 +262,11 @@ impl AreaLight {
         let d = on.p - from;
         let distance2 = d.dot(d);
         let cos = on.ng.dot(d).abs() / distance2.sqrt();
-        if cos > 0.0 { distance2 / (cos * self.area()) } else { 0.0 }
+        if cos > 0.0 {
+            distance2 / (cos * self.area())
+        } else {
+            0.0
+        }
     }
 }
 
@@ -254,10 +300,15 @@ fn sphere_sample(
             let wi = frame.to_world(local);
             // Distance to the near side along wi.
             let sin2 = (1.0 - local.z * local.z).max(0.0);
-            let t = distance * local.z - math::safe_sqrt(radius * radius - distance * distance * sin2);
+            let t =
+                distance * local.z - math::safe_sqrt(radius * radius - distance * distance * sin2);
             let on = from + wi * t;
             let n = math::normalize(on - center);
-            (wi, center + n * radius, sampling::uniform_cone_pdf(one_minus_cos))
+            (
+                wi,
+                center + n * radius,
+                sampling::uniform_cone_pdf(one_minus_cos),
+            )
         }
         None => {
             let n = sampling::uniform_sphere(u);

@@ -36,7 +36,10 @@ impl Environment {
         images: &[Image],
         hidden: bool,
     ) -> Environment {
-        let linear = glam::DAffine3 { matrix3: transform.matrix3, translation: glam::DVec3::ZERO };
+        let linear = glam::DAffine3 {
+            matrix3: transform.matrix3,
+            translation: glam::DVec3::ZERO,
+        };
         let picture = image.map(|(index, mapping)| {
             let picture = &images[index];
             let (w, h) = (picture.width as usize, picture.height as usize);
@@ -46,7 +49,9 @@ impl Environment {
             for y in 0..h {
                 // Solid angle of a row's pixels.
                 let area = match mapping {
-                    SphereMapping::LatLong => libm::sin(std::f64::consts::PI * (y as f64 + 0.5) / h as f64),
+                    SphereMapping::LatLong => {
+                        libm::sin(std::f64::consts::PI * (y as f64 + 0.5) / h as f64)
+                    }
                     SphereMapping::OctahedralEqualArea => 1.0,
                 };
                 for x in 0..w {
@@ -71,7 +76,12 @@ impl Environment {
                 }
             }
             let mean = Rgb::from_array(mean.map(|c| (c / total) as f32));
-            Picture { image: index, mapping, distribution: Piecewise2d::new(&values, w, h), mean }
+            Picture {
+                image: index,
+                mapping,
+                distribution: Piecewise2d::new(&values, w, h),
+                mean,
+            }
         });
         Environment {
             to_world: Affine::new(&linear),
@@ -84,12 +94,16 @@ impl Environment {
 
     /// Mean radiance over the sphere.
     pub fn mean(&self) -> Rgb {
-        self.picture.as_ref().map_or(self.radiance, |p| p.mean * self.radiance)
+        self.picture
+            .as_ref()
+            .map_or(self.radiance, |p| p.mean * self.radiance)
     }
 
     /// Radiance from a direction.
     pub fn le(&self, images: &[Image], direction: Vec3) -> Rgb {
-        let Some(picture) = &self.picture else { return self.radiance };
+        let Some(picture) = &self.picture else {
+            return self.radiance;
+        };
         let w = math::normalize(self.from_world.vector(direction));
         let uv = square(picture.mapping, w);
         self.radiance * look(&images[picture.image], picture.mapping, uv)
@@ -98,7 +112,11 @@ impl Environment {
     /// A direction, the radiance from there and its density per solid angle.
     pub fn sample(&self, images: &[Image], u: Vec2) -> Option<(Vec3, Rgb, f32)> {
         let Some(picture) = &self.picture else {
-            return Some((sampling::uniform_sphere(u), self.radiance, sampling::uniform_sphere_pdf()));
+            return Some((
+                sampling::uniform_sphere(u),
+                self.radiance,
+                sampling::uniform_sphere_pdf(),
+            ));
         };
         let (uv, pdf) = picture.distribution.sample(u);
         let (w, jacobian) = match picture.mapping {
@@ -107,7 +125,10 @@ impl Environment {
                 let (sin_theta, cos_theta) = math::sin_cos_2pi((uv.y * 0.5).min(0.499_999_97));
                 // u = .5 + atan2(z, x) / 2 pi.
                 let (s, c) = math::sin_cos_2pi(uv.x - uv.x.floor());
-                (Vec3::new(-c * sin_theta, cos_theta, -s * sin_theta), latlong_jacobian(sin_theta))
+                (
+                    Vec3::new(-c * sin_theta, cos_theta, -s * sin_theta),
+                    latlong_jacobian(sin_theta),
+                )
             }
         };
         let pdf = pdf * jacobian;
@@ -120,7 +141,9 @@ impl Environment {
 
     /// Density of [`Environment::sample`] per solid angle.
     pub fn pdf(&self, direction: Vec3) -> f32 {
-        let Some(picture) = &self.picture else { return sampling::uniform_sphere_pdf() };
+        let Some(picture) = &self.picture else {
+            return sampling::uniform_sphere_pdf();
+        };
         let w = math::normalize(self.from_world.vector(direction));
         let uv = square(picture.mapping, w);
         let jacobian = match picture.mapping {
@@ -159,8 +182,10 @@ fn look(image: &Image, mapping: SphereMapping, uv: Vec2) -> Rgb {
             let y = ((uv.y * image.height as f32) as usize).min(image.height as usize - 1);
             rgb(image.texel(x, y))
         }
-        SphereMapping::LatLong => {
-            rgb(image.lookup(Vec2::new(uv.x, 1.0 - uv.y), (Wrap::Repeat, Wrap::Clamp), false))
-        }
+        SphereMapping::LatLong => rgb(image.lookup(
+            Vec2::new(uv.x, 1.0 - uv.y),
+            (Wrap::Repeat, Wrap::Clamp),
+            false,
+        )),
     }
 }

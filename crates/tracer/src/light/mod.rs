@@ -89,7 +89,12 @@ impl Lights {
     /// Prepares the choice. A light at infinity cannot be weighed against the others (its power grows
     /// with the scene, however little of the scene is seen): each gets one share, and all lights in the
     /// scene together one.
-    pub fn new(lights: Vec<Light>, light_of: Vec<u32>, emissions: Vec<Emission>, textures: &Textures) -> Self {
+    pub fn new(
+        lights: Vec<Light>,
+        light_of: Vec<u32>,
+        emissions: Vec<Emission>,
+        textures: &Textures,
+    ) -> Self {
         let mut infinite = vec![];
         let mut finite = vec![];
         for (i, light) in lights.iter().enumerate() {
@@ -108,9 +113,18 @@ impl Lights {
         }
         let tree = LightTree::new(&finite, lights.len());
         let shares = infinite.len() + tree.is_some() as usize;
-        let environments =
-            (0..lights.len() as u32).filter(|i| matches!(lights[*i as usize], Light::Environment(_))).collect();
-        Lights { lights, environments, light_of, emissions, infinite, tree, share: 1.0 / shares.max(1) as f32 }
+        let environments = (0..lights.len() as u32)
+            .filter(|i| matches!(lights[*i as usize], Light::Environment(_)))
+            .collect();
+        Lights {
+            lights,
+            environments,
+            light_of,
+            emissions,
+            infinite,
+            tree,
+            share: 1.0 / shares.max(1) as f32,
+        }
     }
 
     /// A light and its probability, for a point with a normal.
@@ -129,7 +143,10 @@ impl Lights {
                 let (light, pmf) = tree.sample(p, n, rest)?;
                 Some((&self.lights[light as usize], pmf * self.share))
             }
-            _ => Some((&self.lights[self.infinite[which.min(count - 1)] as usize], self.share)),
+            _ => Some((
+                &self.lights[self.infinite[which.min(count - 1)] as usize],
+                self.share,
+            )),
         }
     }
 
@@ -144,7 +161,9 @@ impl Lights {
     #[inline]
     pub fn pdf_area(&self, from: Vec3, n: Vec3, on: &Interaction) -> f32 {
         match (&self.lights[on.light as usize], &self.tree) {
-            (Light::Area(area), Some(tree)) => tree.pmf(from, n, on.light) * self.share * area.pdf_li(from, on),
+            (Light::Area(area), Some(tree)) => {
+                tree.pmf(from, n, on.light) * self.share * area.pdf_li(from, on)
+            }
             _ => 0.0,
         }
     }
@@ -173,10 +192,20 @@ impl Light {
         };
         match self {
             Light::Point { p, intensity } => Some(at(*p, *intensity)),
-            Light::Spot { p, axis, intensity, cos_outer, .. } => {
+            Light::Spot {
+                p,
+                axis,
+                intensity,
+                cos_outer,
+                ..
+            } => {
                 // As one normal with a cone of light about it; what the tree subtracts is the angle
                 // beyond the cone, so the cone itself counts as spread of normals.
-                Some(LightBounds { axis: *axis, cos_normals: *cos_outer, ..at(*p, *intensity) })
+                Some(LightBounds {
+                    axis: *axis,
+                    cos_normals: *cos_outer,
+                    ..at(*p, *intensity)
+                })
             }
             Light::Area(area) => Some(area.bounds(emissions, textures)),
             Light::Distant { .. } | Light::Environment(_) => None,
@@ -194,18 +223,38 @@ impl Light {
     ) -> Option<LightSample> {
         match self {
             Light::Point { p, intensity } => point_sample(*p, *intensity, from),
-            Light::Spot { p, axis, intensity, cos_outer, cos_inner, falloff } => {
+            Light::Spot {
+                p,
+                axis,
+                intensity,
+                cos_outer,
+                cos_inner,
+                falloff,
+            } => {
                 let mut sample = point_sample(*p, *intensity, from)?;
                 let cos = -axis.dot(sample.wi);
                 sample.li *= spot_factor(cos, *cos_outer, *cos_inner, *falloff);
                 (sample.li != Rgb::ZERO).then_some(sample)
             }
-            Light::Distant { towards, irradiance } => {
-                Some(LightSample { wi: *towards, target: None, li: *irradiance, pdf: 1.0, delta: true })
-            }
+            Light::Distant {
+                towards,
+                irradiance,
+            } => Some(LightSample {
+                wi: *towards,
+                target: None,
+                li: *irradiance,
+                pdf: 1.0,
+                delta: true,
+            }),
             Light::Environment(e) => {
                 let (wi, li, pdf) = e.sample(&textures.images, u)?;
-                Some(LightSample { wi, target: None, li, pdf, delta: false })
+                Some(LightSample {
+                    wi,
+                    target: None,
+                    li,
+                    pdf,
+                    delta: false,
+                })
             }
             Light::Area(area) => area.sample_li(textures, emissions, from, u),
         }

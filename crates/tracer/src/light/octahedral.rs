@@ -23,10 +23,18 @@ pub fn to_square(w: Vec3) -> Vec2 {
     let (x, y, z) = (w.x.abs(), w.y.abs(), w.z.abs());
     let r = math::safe_sqrt(1.0 - z);
     let (big, small) = if x > y { (x, y) } else { (y, x) };
-    let angle = if big == 0.0 { 0.0 } else { math::atan2(small, big) * (2.0 / math::PI) };
+    let angle = if big == 0.0 {
+        0.0
+    } else {
+        math::atan2(small, big) * (2.0 / math::PI)
+    };
     let phi = if x < y { 1.0 - angle } else { angle };
     let v = phi * r;
     let u = r - v;
-    let (u, v) = if w.z < 0.0 { (1.0 - v, 1.0 - u) } else { (u, v) };
+    let (u, v) = if w.z < 0.0 {
+        (1.0 - v, 1.0 - u)
+    } else {
+        (u, v)
+    };
     Vec2::new((u.copysign(w.x) + 1.0) * 0.5, (v.copysign(w.y) + 1.0) * 0.5)
 }

@@ -53,9 +53,16 @@ impl LightTree {
         if lights.is_empty() {
             return None;
         }
-        let mut tree = LightTree { nodes: vec![], trails: vec![u64::MAX; count] };
+        let mut tree = LightTree {
+            nodes: vec![],
+            trails: vec![u64::MAX; count],
+        };
         let mut lights = lights.to_vec();
-        let blank = Node { bounds: lights[0].1, first: 0, is_leaf: true };
+        let blank = Node {
+            bounds: lights[0].1,
+            first: 0,
+            is_leaf: true,
+        };
         tree.nodes.push(blank);
         let mut todo = vec![(0usize, 0usize, lights.len(), 0u64, 0u32)];
         while let Some((at, from, to, trail, depth)) = todo.pop() {
@@ -63,13 +70,21 @@ impl LightTree {
             let bounds = part[1..].iter().fold(part[0].1, |b, l| union(&b, &l.1));
             if part.len() == 1 {
                 tree.trails[part[0].0 as usize] = trail;
-                tree.nodes[at] = Node { bounds, first: part[0].0, is_leaf: true };
+                tree.nodes[at] = Node {
+                    bounds,
+                    first: part[0].0,
+                    is_leaf: true,
+                };
                 continue;
             }
             let middle = from + split(part, &bounds, depth);
             let left = tree.nodes.len();
             tree.nodes.extend([blank, blank]);
-            tree.nodes[at] = Node { bounds, first: left as u32, is_leaf: false };
+            tree.nodes[at] = Node {
+                bounds,
+                first: left as u32,
+                is_leaf: false,
+            };
             todo.push((left, from, middle, trail, depth + 1));
             todo.push((left + 1, middle, to, trail | 1 << depth, depth + 1));
         }
@@ -82,7 +97,10 @@ impl LightTree {
         let mut node = &self.nodes[0];
         let mut pmf = 1.0;
         while !node.is_leaf {
-            let (left, right) = (&self.nodes[node.first as usize], &self.nodes[node.first as usize + 1]);
+            let (left, right) = (
+                &self.nodes[node.first as usize],
+                &self.nodes[node.first as usize + 1],
+            );
             let (a, b) = (left.bounds.importance(p, n), right.bounds.importance(p, n));
             let sum = a + b;
             if !(sum > 0.0) {
@@ -112,7 +130,10 @@ impl LightTree {
         let mut node = &self.nodes[0];
         let mut pmf = 1.0;
         while !node.is_leaf {
-            let (left, right) = (&self.nodes[node.first as usize], &self.nodes[node.first as usize + 1]);
+            let (left, right) = (
+                &self.nodes[node.first as usize],
+                &self.nodes[node.first as usize + 1],
+            );
             let (a, b) = (left.bounds.importance(p, n), right.bounds.importance(p, n));
             let sum = a + b;
             if !(sum > 0.0) {
@@ -144,7 +165,11 @@ impl LightBounds {
         // Inside the sphere around the box every direction is possible.
         let inv = 1.0 / distance2.max(1e-30).sqrt();
         let wi = d * inv;
-        let cos_box = if distance2 <= radius2 { -1.0 } else { (1.0 - radius2 / distance2).max(0.0).sqrt() };
+        let cos_box = if distance2 <= radius2 {
+            -1.0
+        } else {
+            (1.0 - radius2 / distance2).max(0.0).sqrt()
+        };
         let sin_box = (1.0 - cos_box * cos_box).max(0.0).sqrt();
         let mut cos_axis = self.axis.dot(wi);
         if self.two_sided {
@@ -220,9 +245,11 @@ fn union_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
 /// axis, halves where there is none.
 fn split(lights: &mut [(u32, LightBounds)], bounds: &LightBounds, depth: u32) -> usize {
     let center = |l: &LightBounds| (l.min + l.max) * 0.5;
-    let (lo, hi) = lights.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), l| {
-        (lo.min(center(&l.1)), hi.max(center(&l.1)))
-    });
+    let (lo, hi) = lights
+        .iter()
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), l| {
+            (lo.min(center(&l.1)), hi.max(center(&l.1)))
+        });
     let extent = bounds.max - bounds.min;
     let bucket = |l: &LightBounds, axis: usize| {
         let x = (center(l)[axis] - lo[axis]) / (hi[axis] - lo[axis]) * BUCKETS as f32;
@@ -243,7 +270,12 @@ fn split(lights: &mut [(u32, LightBounds)], bounds: &LightBounds, depth: u32) ->
             let regular = (extent.max_element() / extent[axis].max(1e-30)) as f64;
             for cut in 1..BUCKETS {
                 let side = |range: &[Option<LightBounds>]| {
-                    range.iter().flatten().fold(None, |s: Option<LightBounds>, c| Some(s.map_or(*c, |s| union(&s, c))))
+                    range
+                        .iter()
+                        .flatten()
+                        .fold(None, |s: Option<LightBounds>, c| {
+                            Some(s.map_or(*c, |s| union(&s, c)))
+                        })
                 };
                 if let (Some(a), Some(b)) = (side(&cells[..cut]), side(&cells[cut..])) {
                     let cost = (cost(&a) + cost(&b)) * regular;
@@ -274,7 +306,9 @@ fn cost(b: &LightBounds) -> f64 {
     let lit = (normals + emission).min(pi);
     let angle = 2.0 * pi * (1.0 - libm::cos(normals))
         + pi / 2.0
-            * (2.0 * lit * libm::sin(normals) - libm::cos(normals - 2.0 * lit) - 2.0 * normals * libm::sin(normals)
+            * (2.0 * lit * libm::sin(normals)
+                - libm::cos(normals - 2.0 * lit)
+                - 2.0 * normals * libm::sin(normals)
                 + libm::cos(normals));
     let d = (b.max - b.min).max(Vec3::splat(1e-12));
     b.strength as f64 * angle * (d.x * d.y + d.y * d.z + d.z * d.x) as f64
@@ -286,10 +320,20 @@ mod tests {
     use rand::{Rng, SeedableRng, rngs::StdRng};
 
     fn random(rng: &mut StdRng, count: usize) -> Vec<(u32, LightBounds)> {
-        let mut v = |s: f32| Vec3::new(rng.random_range(-s..s), rng.random_range(-s..s), rng.random_range(-s..s));
+        let mut v = |s: f32| {
+            Vec3::new(
+                rng.random_range(-s..s),
+                rng.random_range(-s..s),
+                rng.random_range(-s..s),
+            )
+        };
         (0..count as u32)
             .map(|i| {
-                let (p, size, axis) = (v(10.0), v(0.3).abs(), crate::math::normalize(v(1.0) + Vec3::splat(1e-3)));
+                let (p, size, axis) = (
+                    v(10.0),
+                    v(0.3).abs(),
+                    crate::math::normalize(v(1.0) + Vec3::splat(1e-3)),
+                );
                 let around = i % 5 == 0;
                 let bounds = LightBounds {
                     min: p,
@@ -313,13 +357,28 @@ mod tests {
             let lights = random(&mut rng, count);
             let tree = LightTree::new(&lights, count).expect("there are lights");
             for _ in 0..8 {
-                let p = Vec3::new(rng.random_range(-20.0..20.0), rng.random_range(-20.0..20.0), rng.random_range(-20.0..20.0));
-                let n = crate::math::normalize(Vec3::new(rng.random_range(-1.0..1.0), 0.3, rng.random_range(-1.0..1.0)));
+                let p = Vec3::new(
+                    rng.random_range(-20.0..20.0),
+                    rng.random_range(-20.0..20.0),
+                    rng.random_range(-20.0..20.0),
+                );
+                let n = crate::math::normalize(Vec3::new(
+                    rng.random_range(-1.0..1.0),
+                    0.3,
+                    rng.random_range(-1.0..1.0),
+                ));
                 let sum: f64 = (0..count as u32).map(|l| tree.pmf(p, n, l) as f64).sum();
-                assert!((sum - 1.0).abs() < 1e-4 || sum == 0.0, "{count} lights at {p}: {sum}");
+                assert!(
+                    (sum - 1.0).abs() < 1e-4 || sum == 0.0,
+                    "{count} lights at {p}: {sum}"
+                );
                 for i in 0..2000 {
                     if let Some((light, pmf)) = tree.sample(p, n, i as f32 / 2000.0) {
-                        assert_eq!(pmf, tree.pmf(p, n, light), "light {light} of {count} at {p}");
+                        assert_eq!(
+                            pmf,
+                            tree.pmf(p, n, light),
+                            "light {light} of {count} at {p}"
+                        );
                         assert!(pmf > 0.0);
                     } else {
                         assert_eq!(sum, 0.0);
@@ -337,12 +396,23 @@ mod tests {
         let lights = random(&mut rng, 300);
         let tree = LightTree::new(&lights, 300).expect("there are lights");
         for _ in 0..200 {
-            let p = Vec3::new(rng.random_range(-20.0..20.0), rng.random_range(-20.0..20.0), rng.random_range(-20.0..20.0));
-            let n = crate::math::normalize(Vec3::new(rng.random_range(-1.0..1.0), 0.3, rng.random_range(-1.0..1.0)));
+            let p = Vec3::new(
+                rng.random_range(-20.0..20.0),
+                rng.random_range(-20.0..20.0),
+                rng.random_range(-20.0..20.0),
+            );
+            let n = crate::math::normalize(Vec3::new(
+                rng.random_range(-1.0..1.0),
+                0.3,
+                rng.random_range(-1.0..1.0),
+            ));
             for (i, l) in &lights {
                 let own = l.importance(p, n);
                 if own > 1e-4 * l.strength {
-                    assert!(tree.pmf(p, n, *i) > 0.0, "light {i} with bound {own} at {p}");
+                    assert!(
+                        tree.pmf(p, n, *i) > 0.0,
+                        "light {i} with bound {own} at {p}"
+                    );
                 }
             }
         }

@@ -21,7 +21,10 @@ pub fn areas(_desc: &SceneDesc, placed: &Placing) -> (Vec<Light>, Vec<u32>, Vec<
     let mut i = 0;
     while i < prims.len() {
         let surface_index = prims[i].surface as usize;
-        let count = prims[i..].iter().take_while(|p| p.surface as usize == surface_index).count();
+        let count = prims[i..]
+            .iter()
+            .take_while(|p| p.surface as usize == surface_index)
+            .count();
         let run = &prims[i..i + count];
         i += count;
         let surface = &mut surfaces[surface_index];
@@ -29,7 +32,8 @@ pub fn areas(_desc: &SceneDesc, placed: &Placing) -> (Vec<Light>, Vec<u32>, Vec<
             continue;
         }
         let emission = &placed.emissions[surface.emission as usize];
-        let dark = emission.scale == 0.0 || matches!(emission.radiance, ColorTex::Const([0.0, 0.0, 0.0]));
+        let dark =
+            emission.scale == 0.0 || matches!(emission.radiance, ColorTex::Const([0.0, 0.0, 0.0]));
         if dark {
             continue;
         }
@@ -45,14 +49,28 @@ pub fn areas(_desc: &SceneDesc, placed: &Placing) -> (Vec<Light>, Vec<u32>, Vec<
     (lights, light_of, surfaces)
 }
 
-fn quadric(placed: &Placing, surface: &Surface, prim: PrimRef, plain: bool, lights: &mut Vec<Light>) -> u32 {
+fn quadric(
+    placed: &Placing,
+    surface: &Surface,
+    prim: PrimRef,
+    plain: bool,
+    lights: &mut Vec<Light>,
+) -> u32 {
     let (shape, _) = &placed.world.quadrics[prim.index as usize];
     let sampled = match shape.kind {
         QuadricKind::Sphere { .. } => match shape.as_round_sphere() {
-            Some((center, radius)) if plain => Some(AreaShape::Sphere { center, radius, inward: surface.flip }),
+            Some((center, radius)) if plain => Some(AreaShape::Sphere {
+                center,
+                radius,
+                inward: surface.flip,
+            }),
             _ => None,
         },
-        QuadricKind::Disk { radius, inner, height } if plain => {
+        QuadricKind::Disk {
+            radius,
+            inner,
+            height,
+        } if plain => {
             let m = &shape.to_parent;
             let (a, b) = (m.m[0] * radius, m.m[1] * radius);
             let normal = shape.from_parent.transposed_vector(Vec3::Z);
@@ -60,20 +78,36 @@ fn quadric(placed: &Placing, surface: &Surface, prim: PrimRef, plain: bool, ligh
             let hole = inner / radius;
             let area = math::length(a.cross(b)) * math::PI * (1.0 - hole * hole);
             let center = m.point(Vec3::new(0.0, 0.0, height));
-            Some(AreaShape::Disk { center, a, b, n, area, hole })
+            Some(AreaShape::Disk {
+                center,
+                a,
+                b,
+                n,
+                area,
+                hole,
+            })
         }
         QuadricKind::Disk { .. } => None,
     };
     match sampled {
         None => NONE,
         Some(shape) => {
-            lights.push(Light::Area(AreaLight { shape, emission: surface.emission }));
+            lights.push(Light::Area(AreaLight {
+                shape,
+                emission: surface.emission,
+            }));
             lights.len() as u32 - 1
         }
     }
 }
 
-fn triangles(mesh: &TriMesh, surface: &Surface, plain: bool, lights: &mut Vec<Light>, light_of: &mut Vec<u32>) {
+fn triangles(
+    mesh: &TriMesh,
+    surface: &Surface,
+    plain: bool,
+    lights: &mut Vec<Light>,
+    light_of: &mut Vec<u32>,
+) {
     if !mesh.keys.is_empty() {
         light_of.extend(std::iter::repeat_n(NONE, mesh.indices.len()));
         return;
@@ -82,7 +116,11 @@ fn triangles(mesh: &TriMesh, surface: &Surface, plain: bool, lights: &mut Vec<Li
     let mut t = 0;
     while t < count {
         let (n, area) = normal(mesh, surface, t);
-        let shape = if plain && t + 1 < count { parallelogram(mesh, surface, t) } else { None };
+        let shape = if plain && t + 1 < count {
+            parallelogram(mesh, surface, t)
+        } else {
+            None
+        };
         let covered = if shape.is_some() { 2 } else { 1 };
         let shape = shape.unwrap_or_else(|| {
             let [a, b, c] = mesh.corners(t);
@@ -90,10 +128,20 @@ fn triangles(mesh: &TriMesh, surface: &Surface, plain: bool, lights: &mut Vec<Li
                 Some(set) => mesh.indices[t as usize].map(|i| set[i as usize]),
                 None => [Vec2::ZERO, Vec2::X, Vec2::ONE],
             };
-            AreaShape::Triangle { p: a, e1: b - a, e2: c - a, n, area, uv }
+            AreaShape::Triangle {
+                p: a,
+                e1: b - a,
+                e2: c - a,
+                n,
+                area,
+                uv,
+            }
         });
         let light = if area > 0.0 {
-            lights.push(Light::Area(AreaLight { shape, emission: surface.emission }));
+            lights.push(Light::Area(AreaLight {
+                shape,
+                emission: surface.emission,
+            }));
             lights.len() as u32 - 1
         } else {
             NONE
@@ -129,7 +177,11 @@ fn parallelogram(mesh: &TriMesh, surface: &Surface, t: u32) -> Option<AreaShape>
     let (first, second) = (mesh.corners(t), mesh.corners(t + 1));
     let lone = |of: &[Vec3; 3], other: &[Vec3; 3]| {
         let alone: Vec<usize> = (0..3).filter(|i| !other.contains(&of[*i])).collect();
-        if let [one] = alone[..] { Some(one) } else { None }
+        if let [one] = alone[..] {
+            Some(one)
+        } else {
+            None
+        }
     };
     let (i, j) = (lone(&first, &second)?, lone(&second, &first)?);
     let p = first[i];
@@ -139,5 +191,11 @@ fn parallelogram(mesh: &TriMesh, surface: &Surface, t: u32) -> Option<AreaShape>
     let closes = (p + e1 + e2 - far).abs().max_element() <= size * 1e-5;
     let ((n, a), (m, b)) = (normal(mesh, surface, t), normal(mesh, surface, t + 1));
     let flat = n.dot(m) > 0.999_99 && (a - b).abs() <= 1e-4 * a;
-    (closes && flat && a > 0.0).then_some(AreaShape::Parallelogram { p, e1, e2, n, area: a + b })
+    (closes && flat && a > 0.0).then_some(AreaShape::Parallelogram {
+        p,
+        e1,
+        e2,
+        n,
+        area: a + b,
+    })
 }

@@ -16,8 +16,8 @@ use crate::scene::Scene;
 use crate::texture::Textures;
 use crate::texture::image::Image;
 use crate::{PrepareError, PrepareSettings, StopFlag};
-use ::scene::model::{self, SceneDesc};
 use ::scene::AssetSource;
+use ::scene::model::{self, SceneDesc};
 use film::TileGrid;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -32,7 +32,11 @@ pub fn prepare(
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.threads.max(1))
         .build()
-        .map_err(|e| PrepareError::Scene(format!("the threads for the preparation did not start: {e}")))?;
+        .map_err(|e| {
+            PrepareError::Scene(format!(
+                "the threads for the preparation did not start: {e}"
+            ))
+        })?;
     pool.install(|| compile(desc, assets, settings, stop))
 }
 
@@ -42,16 +46,27 @@ fn compile(
     settings: &PrepareSettings,
     stop: &StopFlag,
 ) -> Result<Scene, PrepareError> {
-    let open_at = desc.animation.map_or(0.0, |a| a.start + settings.frame as f64 / a.fps);
+    let open_at = desc
+        .animation
+        .map_or(0.0, |a| a.start + settings.frame as f64 / a.fps);
     let film = &desc.film;
     let camera = Camera::new(&desc.camera, [film.width, film.height], open_at);
 
     let images: Vec<Image> = desc
         .images
         .par_iter()
-        .map(|image| if stop.is_stopped() { Err(PrepareError::Stopped) } else { Image::load(image, assets) })
+        .map(|image| {
+            if stop.is_stopped() {
+                Err(PrepareError::Stopped)
+            } else {
+                Image::load(image, assets)
+            }
+        })
         .collect::<Result<_, _>>()?;
-    let textures = Textures { nodes: desc.textures.clone(), images };
+    let textures = Textures {
+        nodes: desc.textures.clone(),
+        images,
+    };
 
     let list: Vec<Material> = desc.materials.par_iter().map(Material::new).collect();
     let mut materials = Materials { list };
@@ -77,7 +92,10 @@ fn compile(
     };
     let [x0, y0, x1, y1] = film.crop.unwrap_or([0, 0, film.width, film.height]);
     Ok(Scene {
-        geometry: Geometry { level: crate::simd(), ..geometry },
+        geometry: Geometry {
+            level: crate::simd(),
+            ..geometry
+        },
         materials,
         lights,
         camera,
@@ -86,7 +104,10 @@ fn compile(
         sampler: desc.sampler,
         seed: settings.seed,
         frame: settings.frame,
-        grid: TileGrid { width: x1 - x0, height: y1 - y0 },
+        grid: TileGrid {
+            width: x1 - x0,
+            height: y1 - y0,
+        },
         full_size: [film.width, film.height],
         crop_origin: [x0, y0],
         exposure: Rgb::from_array(film.exposure),
@@ -98,10 +119,20 @@ fn compile(
 fn convert(light: &model::Light, images: &[Image]) -> Light {
     let v = |d: DVec3| Vec3::new(d.x as f32, d.y as f32, d.z as f32);
     match light {
-        model::Light::Point { transform, intensity } => {
-            Light::Point { p: v(transform.translation), intensity: Rgb::from_array(*intensity) }
-        }
-        model::Light::Spot { transform, intensity, cone_angle, full_angle, falloff } => Light::Spot {
+        model::Light::Point {
+            transform,
+            intensity,
+        } => Light::Point {
+            p: v(transform.translation),
+            intensity: Rgb::from_array(*intensity),
+        },
+        model::Light::Spot {
+            transform,
+            intensity,
+            cone_angle,
+            full_angle,
+            falloff,
+        } => Light::Spot {
             p: v(transform.translation),
             axis: math::normalize(v(transform.matrix3.z_axis)),
             intensity: Rgb::from_array(*intensity),
@@ -109,11 +140,19 @@ fn convert(light: &model::Light, images: &[Image]) -> Light {
             cos_inner: libm::cos(full_angle.to_radians()) as f32,
             falloff: *falloff,
         },
-        model::Light::Distant { direction, irradiance } => Light::Distant {
+        model::Light::Distant {
+            direction,
+            irradiance,
+        } => Light::Distant {
             towards: math::normalize(v(-*direction)),
             irradiance: Rgb::from_array(*irradiance),
         },
-        model::Light::Environment { transform, radiance, image, hidden } => Light::Environment(Environment::new(
+        model::Light::Environment {
+            transform,
+            radiance,
+            image,
+            hidden,
+        } => Light::Environment(Environment::new(
             transform,
             Rgb::from_array(*radiance),
             image.map(|(id, mapping)| (id.index(), mapping)),

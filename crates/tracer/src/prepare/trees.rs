@@ -40,7 +40,11 @@ struct Plan<'a> {
 }
 
 /// Builds all trees. `shutter` bounds the time over which moving things are enclosed.
-pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<Placing, PrepareError> {
+pub fn build(
+    desc: &SceneDesc,
+    shutter: (f32, f32),
+    stop: &StopFlag,
+) -> Result<Placing, PrepareError> {
     let mut plans: Vec<Plan> = vec![];
     let mut instances: Vec<Placed> = vec![];
     // Plan of a group, made when it is first placed.
@@ -50,7 +54,8 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
     for primitive in &desc.primitives {
         add(primitive, &mut world, &mut plans, &mut instances);
     }
-    let mut todo: Vec<(&Instance, Vec<&Motion>)> = desc.instances.iter().map(|i| (i, vec![])).rev().collect();
+    let mut todo: Vec<(&Instance, Vec<&Motion>)> =
+        desc.instances.iter().map(|i| (i, vec![])).rev().collect();
     // Moving primitives of a group are small groups of their own, one for each group.
     let mut moving_of: Vec<Vec<(u32, &Motion)>> = vec![vec![]; desc.groups.len()];
     while let Some((instance, outer)) = todo.pop() {
@@ -68,12 +73,20 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
                 let mut plan = Plan::default();
                 for primitive in &desc.groups[group].primitives {
                     if primitive.transform.is_moving() {
-                        let own = Plan { drafts: vec![Draft { primitive, transform: DAffine3::IDENTITY }] };
+                        let own = Plan {
+                            drafts: vec![Draft {
+                                primitive,
+                                transform: DAffine3::IDENTITY,
+                            }],
+                        };
                         plans.push(own);
                         moving_of[group].push((plans.len() as u32 - 1, &primitive.transform));
                     } else {
                         let transform = primitive.transform.keys[0].transform;
-                        plan.drafts.push(Draft { primitive, transform });
+                        plan.drafts.push(Draft {
+                            primitive,
+                            transform,
+                        });
                     }
                 }
                 plans.push(plan);
@@ -82,12 +95,18 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
             }
         };
         if !plans[plan as usize].drafts.is_empty() {
-            instances.push(Placed { group: plan, placement: Placement::new(&chain) });
+            instances.push(Placed {
+                group: plan,
+                placement: Placement::new(&chain),
+            });
         }
         for (own, motion) in &moving_of[group] {
             let mut inner = chain.clone();
             inner.push(motion);
-            instances.push(Placed { group: *own, placement: Placement::new(&inner) });
+            instances.push(Placed {
+                group: *own,
+                placement: Placement::new(&inner),
+            });
         }
         for nested in desc.groups[group].instances.iter().rev() {
             todo.push((nested, chain.clone()));
@@ -113,7 +132,11 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
             let mirrored = draft.transform.matrix3.determinant() < 0.0;
             let mesh = match p.shape {
                 Shape::Mesh(id) => {
-                    mesh_jobs.push((&desc.meshes[id.index()], draft.transform, p.reverse_orientation));
+                    mesh_jobs.push((
+                        &desc.meshes[id.index()],
+                        draft.transform,
+                        p.reverse_orientation,
+                    ));
                     mesh_jobs.len() as u32 - 1
                 }
                 Shape::Rectangle => {
@@ -125,7 +148,11 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
             let emission = match &p.emission {
                 None => NONE,
                 Some(e) => {
-                    out.emissions.push(Emission { radiance: e.radiance, scale: e.scale, two_sided: e.two_sided });
+                    out.emissions.push(Emission {
+                        radiance: e.radiance,
+                        scale: e.scale,
+                        two_sided: e.two_sided,
+                    });
                     out.emissions.len() as u32 - 1
                 }
             };
@@ -144,7 +171,11 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
     out.meshes = mesh_jobs
         .par_iter()
         .map(|(mesh, transform, reverse)| {
-            if stop.is_stopped() { Err(PrepareError::Stopped) } else { Ok(TriMesh::new(mesh, transform, *reverse)) }
+            if stop.is_stopped() {
+                Err(PrepareError::Stopped)
+            } else {
+                Ok(TriMesh::new(mesh, transform, *reverse))
+            }
         })
         .collect::<Result<_, _>>()?;
 
@@ -153,7 +184,11 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
         .par_iter()
         .zip(&first_surface)
         .map(|(plan, first)| {
-            if stop.is_stopped() { Err(PrepareError::Stopped) } else { Ok(tree(plan, *first, surfaces, meshes, &[])) }
+            if stop.is_stopped() {
+                Err(PrepareError::Stopped)
+            } else {
+                Ok(tree(plan, *first, surfaces, meshes, &[]))
+            }
         })
         .collect::<Result<_, _>>()?;
     let placed: Vec<Item> = out
@@ -161,7 +196,11 @@ pub fn build(desc: &SceneDesc, shutter: (f32, f32), stop: &StopFlag) -> Result<P
         .par_iter()
         .enumerate()
         .map(|(i, placed)| Item {
-            bounds: swept(&out.groups[placed.group as usize].bounds, &placed.placement, shutter),
+            bounds: swept(
+                &out.groups[placed.group as usize].bounds,
+                &placed.placement,
+                shutter,
+            ),
             kind: LeafKind::Instance,
             id: i as u32,
         })
@@ -179,11 +218,22 @@ fn add<'a>(
     instances: &mut Vec<Placed>,
 ) {
     if primitive.transform.is_moving() {
-        plans.push(Plan { drafts: vec![Draft { primitive, transform: DAffine3::IDENTITY }] });
+        plans.push(Plan {
+            drafts: vec![Draft {
+                primitive,
+                transform: DAffine3::IDENTITY,
+            }],
+        });
         let placement = Placement::new(&[&primitive.transform]);
-        instances.push(Placed { group: plans.len() as u32 - 1, placement });
+        instances.push(Placed {
+            group: plans.len() as u32 - 1,
+            placement,
+        });
     } else {
-        world.drafts.push(Draft { primitive, transform: primitive.transform.keys[0].transform });
+        world.drafts.push(Draft {
+            primitive,
+            transform: primitive.transform.keys[0].transform,
+        });
     }
 }
 
@@ -213,8 +263,17 @@ fn swept(bounds: &Bounds, placement: &Placement, shutter: (f32, f32)) -> Bounds 
     all.padded(if fixed { 0.0 } else { step * 0.125 })
 }
 
-fn tree(plan: &Plan, first_surface: u32, surfaces: &[Surface], meshes: &[TriMesh], placed: &[Item]) -> Tree {
-    let mut tree = Tree { root: EMPTY, ..Tree::default() };
+fn tree(
+    plan: &Plan,
+    first_surface: u32,
+    surfaces: &[Surface],
+    meshes: &[TriMesh],
+    placed: &[Item],
+) -> Tree {
+    let mut tree = Tree {
+        root: EMPTY,
+        ..Tree::default()
+    };
     let mut items: Vec<Item> = vec![];
     for (i, draft) in plan.drafts.iter().enumerate() {
         let index = first_surface + i as u32;
@@ -227,8 +286,15 @@ fn tree(plan: &Plan, first_surface: u32, surfaces: &[Surface], meshes: &[TriMesh
                 kind,
             };
             let prim = tree.prims.len() as u32;
-            tree.prims.push(PrimRef { surface: index, index: tree.quadrics.len() as u32 });
-            items.push(Item { bounds: shape.bounds(), kind: LeafKind::Quadric, id: tree.quadrics.len() as u32 });
+            tree.prims.push(PrimRef {
+                surface: index,
+                index: tree.quadrics.len() as u32,
+            });
+            items.push(Item {
+                bounds: shape.bounds(),
+                kind: LeafKind::Quadric,
+                id: tree.quadrics.len() as u32,
+            });
             tree.quadrics.push((shape, prim));
             continue;
         }
@@ -237,27 +303,44 @@ fn tree(plan: &Plan, first_surface: u32, surfaces: &[Surface], meshes: &[TriMesh
         items.reserve(mesh.indices.len());
         for triangle in 0..mesh.indices.len() as u32 {
             let prim = tree.prims.len() as u32;
-            tree.prims.push(PrimRef { surface: index, index: triangle });
+            tree.prims.push(PrimRef {
+                surface: index,
+                index: triangle,
+            });
             let mut bounds = Bounds::of(mesh.corners(triangle));
             if mesh.keys.is_empty() {
-                items.push(Item { bounds, kind: LeafKind::Triangles, id: prim });
+                items.push(Item {
+                    bounds,
+                    kind: LeafKind::Triangles,
+                    id: prim,
+                });
             } else {
                 for key in &mesh.keys {
-                    let corners = mesh.indices[triangle as usize].map(|i| key.positions[i as usize]);
+                    let corners =
+                        mesh.indices[triangle as usize].map(|i| key.positions[i as usize]);
                     bounds = bounds.union(Bounds::of(corners));
                 }
-                items.push(Item { bounds: bounds.padded(0.0), kind: LeafKind::Deforming, id: tree.deforming.len() as u32 });
+                items.push(Item {
+                    bounds: bounds.padded(0.0),
+                    kind: LeafKind::Deforming,
+                    id: tree.deforming.len() as u32,
+                });
                 tree.deforming.push(prim);
             }
         }
     }
     for item in placed {
         if !item.bounds.is_empty() {
-            items.push(Item { id: tree.instances.len() as u32, ..*item });
+            items.push(Item {
+                id: tree.instances.len() as u32,
+                ..*item
+            });
             tree.instances.push(item.id);
         }
     }
-    tree.bounds = items.iter().fold(Bounds::default(), |b, i| b.union(i.bounds));
+    tree.bounds = items
+        .iter()
+        .fold(Bounds::default(), |b, i| b.union(i.bounds));
     let prims = &tree.prims;
     let corners = |prim: u32| {
         let at = prims[prim as usize];
@@ -273,9 +356,22 @@ fn tree(plan: &Plan, first_surface: u32, surfaces: &[Surface], meshes: &[TriMesh
 /// Local shape of what is not a mesh, and its transform.
 fn quadric(shape: &Shape, transform: DAffine3) -> (QuadricKind, DAffine3) {
     match shape {
-        Shape::Sphere { radius } => (QuadricKind::Sphere { radius: *radius as f32 }, transform),
-        Shape::Disk { radius, inner_radius, height } => (
-            QuadricKind::Disk { radius: *radius as f32, inner: *inner_radius as f32, height: *height as f32 },
+        Shape::Sphere { radius } => (
+            QuadricKind::Sphere {
+                radius: *radius as f32,
+            },
+            transform,
+        ),
+        Shape::Disk {
+            radius,
+            inner_radius,
+            height,
+        } => (
+            QuadricKind::Disk {
+                radius: *radius as f32,
+                inner: *inner_radius as f32,
+                height: *height as f32,
+            },
             transform,
         ),
         // These have meshes and do not come here.
@@ -287,7 +383,13 @@ fn quadric(shape: &Shape, transform: DAffine3) -> (QuadricKind, DAffine3) {
 fn rectangle() -> Mesh {
     Mesh {
         name: "rectangle".into(),
-        positions: vec![[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]].into(),
+        positions: vec![
+            [-1.0, -1.0, 0.0],
+            [1.0, -1.0, 0.0],
+            [1.0, 1.0, 0.0],
+            [-1.0, 1.0, 0.0],
+        ]
+        .into(),
         uvs: vec![vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].into()],
         indices: vec![[0, 1, 2], [0, 2, 3]].into(),
         ..Mesh::default()

@@ -43,7 +43,13 @@ impl Sampler {
     pub fn start(kind: SamplerKind, seed: u64, frame: u32, pixel: [u32; 2], index: u32) -> Sampler {
         let place = (pixel[0] as u64) << 32 | pixel[1] as u64;
         let key = hash::mix(hash::mix(seed ^ (frame as u64) << 40) ^ place);
-        Sampler { kind, key, index, reversed: index.reverse_bits(), dimension: 0 }
+        Sampler {
+            kind,
+            key,
+            index,
+            reversed: index.reverse_bits(),
+            dimension: 0,
+        }
     }
 
     /// A uniform number in [0, 1).
@@ -68,17 +74,42 @@ impl Sampler {
         }
     }
 
-    /// All numbers for a scattering event.
+    /// Four points of the unit square at once: the next four dimensions.
     #[inline]
-    pub fn bounce(&mut self, level: SimdLevel) -> BounceNumbers {
-        let [light, bsdf, a, b] = if self.kind == SamplerKind::OwenSobol {
+    fn next_four(&mut self, level: SimdLevel) -> [Vec2; 4] {
+        if self.kind == SamplerKind::OwenSobol {
             let key = hash::mix(self.key ^ (self.dimension as u64) << 32);
             self.dimension += 4;
             simd::four_pairs(level, self.reversed, key)
         } else {
-            [self.next_2d(), self.next_2d(), self.next_2d(), self.next_2d()]
-        };
-        BounceNumbers { light, bsdf, light_choice: a.x, roulette: a.y, lobe: b.x, mix: b.y }
+            [
+                self.next_2d(),
+                self.next_2d(),
+                self.next_2d(),
+                self.next_2d(),
+            ]
+        }
+    }
+
+    /// All numbers for a camera ray: point of the pixel's neighbourhood, point of the lens, moment.
+    #[inline]
+    pub fn camera(&mut self, level: SimdLevel) -> (Vec2, Vec2, f32) {
+        let [film, lens, time, _] = self.next_four(level);
+        (film, lens, time.x)
+    }
+
+    /// All numbers for a scattering event.
+    #[inline]
+    pub fn bounce(&mut self, level: SimdLevel) -> BounceNumbers {
+        let [light, bsdf, a, b] = self.next_four(level);
+        BounceNumbers {
+            light,
+            bsdf,
+            light_choice: a.x,
+            roulette: a.y,
+            lobe: b.x,
+            mix: b.y,
+        }
     }
 }
 
@@ -97,7 +128,11 @@ fn stratified(index: u32, key: u64) -> Vec2 {
     let jitter = hash::mix(block_key ^ (within as u64) << 40 ^ 0x5bd1);
     let (x, y) = (to_unit(jitter as u32), to_unit((jitter >> 32) as u32));
     // The largest number below 1 in a cell may round up to the next cell's border, never to 1.
-    Vec2::new(((cell % 4) as f32 + x) * 0.25, ((cell / 4) as f32 + y) * 0.25).min(Vec2::splat(0.999_999_94))
+    Vec2::new(
+        ((cell % 4) as f32 + x) * 0.25,
+        ((cell / 4) as f32 + y) * 0.25,
+    )
+    .min(Vec2::splat(0.999_999_94))
 }
 
 /// A permutation of 0..16 chosen by a key: four rounds of an invertible mix of four bits [Kensler13].

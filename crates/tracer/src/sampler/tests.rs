@@ -30,7 +30,10 @@ fn sobol_pairs_are_nets() {
                         let (x, y) = ((p.x * nx as f32) as usize, (p.y * ny as f32) as usize);
                         seen[y * nx + x] += 1;
                     }
-                    assert!(seen.iter().all(|c| *c == 1), "dimension {dimension}, m {m}, k {k}: {seen:?}");
+                    assert!(
+                        seen.iter().all(|c| *c == 1),
+                        "dimension {dimension}, m {m}, k {k}: {seen:?}"
+                    );
                 }
             }
         }
@@ -40,7 +43,10 @@ fn sobol_pairs_are_nets() {
 #[test]
 fn stratified_blocks_fill_every_cell() {
     for (b, block) in points(Stratified, 64, 3, [1, 2]).chunks(16).enumerate() {
-        let mut cells: Vec<usize> = block.iter().map(|p| (p.y * 4.0) as usize * 4 + (p.x * 4.0) as usize).collect();
+        let mut cells: Vec<usize> = block
+            .iter()
+            .map(|p| (p.y * 4.0) as usize * 4 + (p.x * 4.0) as usize)
+            .collect();
         cells.sort_unstable();
         assert_eq!(cells, (0..16).collect::<Vec<_>>(), "block {b}");
     }
@@ -62,10 +68,21 @@ fn numbers_are_uniform_and_uncorrelated() {
         }
         let sigma = (1.0 / 12.0f64 / n).sqrt();
         let mean = sum / n as f32;
-        assert!((mean.x as f64 - 0.5).abs() < 4.5 * sigma && (mean.y as f64 - 0.5).abs() < 4.5 * sigma, "{kind:?} {mean}");
+        assert!(
+            (mean.x as f64 - 0.5).abs() < 4.5 * sigma && (mean.y as f64 - 0.5).abs() < 4.5 * sigma,
+            "{kind:?} {mean}"
+        );
         let sigma = 1.0 / 12.0 / n.sqrt();
-        assert!((product / n).abs() < 4.5 * sigma, "{kind:?} x y {}", product / n);
-        assert!((cross / n).abs() < 4.5 * sigma, "{kind:?} across dimensions {}", cross / n);
+        assert!(
+            (product / n).abs() < 4.5 * sigma,
+            "{kind:?} x y {}",
+            product / n
+        );
+        assert!(
+            (cross / n).abs() < 4.5 * sigma,
+            "{kind:?} across dimensions {}",
+            cross / n
+        );
     }
 }
 
@@ -87,9 +104,13 @@ fn four_pairs_are_nets_at_every_level() {
     for key in [1u64, 0xdead_beef_1234_5678] {
         for m in [3u32, 6] {
             let n = 1u32 << m;
-            let all: Vec<[Vec2; 4]> = (0..n).map(|i| four_pairs(SimdLevel::Scalar, i.reverse_bits(), key)).collect();
+            let all: Vec<[Vec2; 4]> = (0..n)
+                .map(|i| four_pairs(SimdLevel::Scalar, i.reverse_bits(), key))
+                .collect();
             for level in [SimdLevel::Sse2, SimdLevel::Avx2, SimdLevel::Avx512] {
-                let again: Vec<_> = (0..n).map(|i| four_pairs(level.available(), i.reverse_bits(), key)).collect();
+                let again: Vec<_> = (0..n)
+                    .map(|i| four_pairs(level.available(), i.reverse_bits(), key))
+                    .collect();
                 assert_eq!(all, again, "{level:?}");
             }
             for pair in 0..4 {
@@ -99,7 +120,10 @@ fn four_pairs_are_nets_at_every_level() {
                     for p in all.iter().map(|p| p[pair]) {
                         seen[(p.y * ny as f32) as usize * nx + (p.x * nx as f32) as usize] += 1;
                     }
-                    assert!(seen.iter().all(|c| *c == 1), "pair {pair}, m {m}, k {k}: {seen:?}");
+                    assert!(
+                        seen.iter().all(|c| *c == 1),
+                        "pair {pair}, m {m}, k {k}: {seen:?}"
+                    );
                 }
             }
         }

@@ -23,7 +23,10 @@ pub struct Image {
 
 enum Texels {
     /// 8 bits through a table (alpha is always linear).
-    Bytes { rgba: Vec<[u8; 4]>, to_linear: Box<[f32; 256]> },
+    Bytes {
+        rgba: Vec<[u8; 4]>,
+        to_linear: Box<[f32; 256]>,
+    },
     /// Linear numbers.
     Floats(Vec<[f32; 4]>),
 }
@@ -32,8 +35,17 @@ impl Image {
     /// A stand-in that nobody overlooks.
     pub fn stand_in() -> Image {
         let (on, off) = ([255, 0, 255, 255], [20, 20, 20, 255]);
-        let rgba = (0..64).map(|i| if (i % 8 + i / 8) % 2 == 0 { on } else { off }).collect();
-        Image { width: 8, height: 8, texels: Texels::Bytes { rgba, to_linear: table(Encoding::Srgb) } }
+        let rgba = (0..64)
+            .map(|i| if (i % 8 + i / 8) % 2 == 0 { on } else { off })
+            .collect();
+        Image {
+            width: 8,
+            height: 8,
+            texels: Texels::Bytes {
+                rgba,
+                to_linear: table(Encoding::Srgb),
+            },
+        }
     }
 
     /// Reads and decodes a picture.
@@ -42,8 +54,10 @@ impl Image {
             return Ok(Image::stand_in());
         }
         let bytes = assets.read(&desc.path)?;
-        decode(&desc.path, &bytes, desc.encoding)
-            .map_err(|reason| PrepareError::Decode { path: desc.path.clone(), reason })
+        decode(&desc.path, &bytes, desc.encoding).map_err(|reason| PrepareError::Decode {
+            path: desc.path.clone(),
+            reason,
+        })
     }
 
     /// The texel at a pixel.
@@ -78,8 +92,15 @@ impl Image {
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let (x0, y0) = (x0 as i64, y0 as i64);
-        let (a, b, c, d) = (get(x0, y0), get(x0 + 1, y0), get(x0, y0 + 1), get(x0 + 1, y0 + 1));
-        std::array::from_fn(|i| (a[i] * (1.0 - fx) + b[i] * fx) * (1.0 - fy) + (c[i] * (1.0 - fx) + d[i] * fx) * fy)
+        let (a, b, c, d) = (
+            get(x0, y0),
+            get(x0 + 1, y0),
+            get(x0, y0 + 1),
+            get(x0 + 1, y0 + 1),
+        );
+        std::array::from_fn(|i| {
+            (a[i] * (1.0 - fx) + b[i] * fx) * (1.0 - fy) + (c[i] * (1.0 - fx) + d[i] * fx) * fy
+        })
     }
 
     /// Memory held.
@@ -119,7 +140,9 @@ fn decode(path: &str, bytes: &[u8], encoding: Encoding) -> Result<Image, String>
             let apply = transfer(encoding, true);
             let rgba = picture.into_rgba32f();
             Texels::Floats(
-                rgba.pixels().map(|p| [apply(p.0[0]), apply(p.0[1]), apply(p.0[2]), p.0[3]]).collect(),
+                rgba.pixels()
+                    .map(|p| [apply(p.0[0]), apply(p.0[1]), apply(p.0[2]), p.0[3]])
+                    .collect(),
             )
         }
         DynamicImage::ImageLuma16(_)
@@ -131,7 +154,14 @@ fn decode(path: &str, bytes: &[u8], encoding: Encoding) -> Result<Image, String>
             let rgba = picture.into_rgba16();
             Texels::Floats(
                 rgba.pixels()
-                    .map(|p| [apply(unit(p.0[0])), apply(unit(p.0[1])), apply(unit(p.0[2])), unit(p.0[3])])
+                    .map(|p| {
+                        [
+                            apply(unit(p.0[0])),
+                            apply(unit(p.0[1])),
+                            apply(unit(p.0[2])),
+                            unit(p.0[3]),
+                        ]
+                    })
                     .collect(),
             )
         }
@@ -146,7 +176,11 @@ fn decode(path: &str, bytes: &[u8], encoding: Encoding) -> Result<Image, String>
         let (x, y) = (i as u32 % width, i as u32 / width);
         return Err(format!("the pixel at column {x}, row {y} is not finite"));
     }
-    Ok(Image { width, height, texels })
+    Ok(Image {
+        width,
+        height,
+        texels,
+    })
 }
 
 /// From stored to linear.
@@ -167,7 +201,11 @@ fn table(encoding: Encoding) -> Box<[f32; 256]> {
 /// sRGB transfer function [IEC 61966-2-1].
 fn from_srgb(x: f32) -> f32 {
     let x = x as f64;
-    let y = if x <= 0.04045 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) };
+    let y = if x <= 0.04045 {
+        x / 12.92
+    } else {
+        libm::pow((x + 0.055) / 1.055, 2.4)
+    };
     y as f32
 }
 
@@ -175,8 +213,17 @@ fn from_srgb(x: f32) -> f32 {
 fn decode_pfm(bytes: &[u8]) -> Result<Image, String> {
     let mut at = 0;
     let mut word = || -> Result<&str, String> {
-        let start = at + bytes[at.min(bytes.len())..].iter().take_while(|b| b.is_ascii_whitespace()).count();
-        let end = start + bytes[start..].iter().take(32).take_while(|b| !b.is_ascii_whitespace()).count();
+        let start = at
+            + bytes[at.min(bytes.len())..]
+                .iter()
+                .take_while(|b| b.is_ascii_whitespace())
+                .count();
+        let end = start
+            + bytes[start..]
+                .iter()
+                .take(32)
+                .take_while(|b| !b.is_ascii_whitespace())
+                .count();
         at = end + 1;
         std::str::from_utf8(&bytes[start..end]).map_err(|_| "the header is not text".to_string())
     };
@@ -185,21 +232,41 @@ fn decode_pfm(bytes: &[u8]) -> Result<Image, String> {
         "Pf" => 1,
         other => return Err(format!("'{other}' is not the mark of a PFM picture")),
     };
-    let size = |text: &str| text.parse::<u32>().map_err(|_| format!("'{text}' is not a size"));
+    let size = |text: &str| {
+        text.parse::<u32>()
+            .map_err(|_| format!("'{text}' is not a size"))
+    };
     let (width, height) = (size(word()?)?, size(word()?)?);
     let scale_text = word()?.to_string();
-    let scale: f32 = scale_text.parse().map_err(|_| format!("'{scale_text}' is not a scale"))?;
+    let scale: f32 = scale_text
+        .parse()
+        .map_err(|_| format!("'{scale_text}' is not a scale"))?;
     if width == 0 || height == 0 || width > SIDE_MAX || height > SIDE_MAX {
-        return Err(format!("{width} x {height} pixels; a side must have 1 to {SIDE_MAX}"));
+        return Err(format!(
+            "{width} x {height} pixels; a side must have 1 to {SIDE_MAX}"
+        ));
     }
     let count = width as usize * height as usize * channels;
     let data = bytes.get(at..).unwrap_or(&[]);
     if data.len() < count * 4 {
-        return Err(format!("{} bytes of pixels where the header promises {}", data.len(), count * 4));
+        return Err(format!(
+            "{} bytes of pixels where the header promises {}",
+            data.len(),
+            count * 4
+        ));
     }
     let value = |i: usize| {
-        let b = [data[4 * i], data[4 * i + 1], data[4 * i + 2], data[4 * i + 3]];
-        if scale < 0.0 { f32::from_le_bytes(b) } else { f32::from_be_bytes(b) }
+        let b = [
+            data[4 * i],
+            data[4 * i + 1],
+            data[4 * i + 2],
+            data[4 * i + 3],
+        ];
+        if scale < 0.0 {
+            f32::from_le_bytes(b)
+        } else {
+            f32::from_be_bytes(b)
+        }
     };
     let mut rgba = Vec::with_capacity(width as usize * height as usize);
     for y in (0..height as usize).rev() {
@@ -211,10 +278,16 @@ fn decode_pfm(bytes: &[u8]) -> Result<Image, String> {
                 [value(i), value(i), value(i), 1.0]
             };
             if texel.iter().any(|v| !v.is_finite()) {
-                return Err(format!("the pixel at column {x}, row {y} from below is not finite"));
+                return Err(format!(
+                    "the pixel at column {x}, row {y} from below is not finite"
+                ));
             }
             rgba.push(texel);
         }
     }
-    Ok(Image { width, height, texels: Texels::Floats(rgba) })
+    Ok(Image {
+        width,
+        height,
+        texels: Texels::Floats(rgba),
+    })
 }

@@ -21,7 +21,11 @@ pub struct Point {
 
 impl Default for Point {
     fn default() -> Self {
-        Point { uv: [Vec2::ZERO; 2], p: Vec3::ZERO, color: [1.0; 4] }
+        Point {
+            uv: [Vec2::ZERO; 2],
+            p: Vec3::ZERO,
+            color: [1.0; 4],
+        }
     }
 }
 
@@ -61,7 +65,14 @@ impl Textures {
     pub fn eval(&self, index: usize, at: &Point) -> [f32; 4] {
         match &self.nodes[index] {
             Texture::Constant { value } => *value,
-            Texture::Image { image, map, wrap, nearest, invert, scale } => {
+            Texture::Image {
+                image,
+                map,
+                wrap,
+                nearest,
+                invert,
+                scale,
+            } => {
                 let st = locate(map, at);
                 let mut texel = self.images[image.index()].lookup(st, *wrap, *nearest);
                 for c in 0..4 {
@@ -93,7 +104,8 @@ impl Textures {
             Texture::Bilerp { map, corners } => {
                 let st = locate(map, at);
                 let [v00, v01, v10, v11] = corners.map(Vec3::from_array);
-                let v = (v00 * (1.0 - st.y) + v01 * st.y) * (1.0 - st.x) + (v10 * (1.0 - st.y) + v11 * st.y) * st.x;
+                let v = (v00 * (1.0 - st.y) + v01 * st.y) * (1.0 - st.x)
+                    + (v10 * (1.0 - st.y) + v11 * st.y) * st.x;
                 [v.x, v.y, v.z, 1.0]
             }
             Texture::VertexColor => at.color,
@@ -150,10 +162,14 @@ fn locate(map: &UvMap, at: &Point) -> Vec2 {
         UvMap::Uv { set, matrix: m } => {
             let uv = at.uv[(*set as usize).min(1)];
             let (u, v) = (uv.x as f64, uv.y as f64);
-            Vec2::new((m[0] * u + m[1] * v + m[2]) as f32, (m[3] * u + m[4] * v + m[5]) as f32)
+            Vec2::new(
+                (m[0] * u + m[1] * v + m[2]) as f32,
+                (m[3] * u + m[4] * v + m[5]) as f32,
+            )
         }
         UvMap::Planar { matrix } => {
-            let p = matrix.transform_point3(DVec3::new(at.p.x as f64, at.p.y as f64, at.p.z as f64));
+            let p =
+                matrix.transform_point3(DVec3::new(at.p.x as f64, at.p.y as f64, at.p.z as f64));
             Vec2::new(p.x as f32, p.y as f32)
         }
     }
