@@ -164,8 +164,10 @@ pub struct SceneArgs {
     /// A .json, .pbrt, .gltf or .glb file, or a folder or .zip with one in it.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+    /// When it is done.
     #[command(flatten)]
     pub stop: StopArgs,
+    /// Camera and light.
     #[command(flatten)]
     pub look: LookArgs,
     /// Picture size in pixels.
@@ -191,6 +193,7 @@ pub struct SceneArgs {
 /// Arguments of `render`.
 #[derive(Debug, Args)]
 pub struct RenderArgs {
+    /// What to render.
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Where to write the picture, .png or .exr; may be repeated.
@@ -293,8 +296,10 @@ pub struct RemoteArgs {
 /// Arguments of `submit`.
 #[derive(Debug, Args)]
 pub struct SubmitArgs {
+    /// What to render.
     #[command(flatten)]
     pub scene: SceneArgs,
+    /// Which coordinator.
     #[command(flatten)]
     pub remote: RemoteArgs,
     /// 0 to 100, higher first [default: 50].
@@ -314,6 +319,7 @@ pub struct SubmitArgs {
 /// Arguments of `jobs`.
 #[derive(Debug, Args)]
 pub struct JobsArgs {
+    /// Which coordinator.
     #[command(flatten)]
     pub remote: RemoteArgs,
     /// Only jobs in this state.
@@ -336,6 +342,7 @@ pub struct JobArgs {
     /// The job's id.
     #[arg(value_name = "ID")]
     pub id: Uuid,
+    /// Which coordinator.
     #[command(flatten)]
     pub remote: RemoteArgs,
     /// Print JSON.
@@ -346,8 +353,10 @@ pub struct JobArgs {
 /// Arguments of `extend`.
 #[derive(Debug, Args)]
 pub struct ExtendArgs {
+    /// Which job.
     #[command(flatten)]
     pub job: JobArgs,
+    /// When it is done.
     #[command(flatten)]
     pub stop: StopArgs,
 }
@@ -355,6 +364,7 @@ pub struct ExtendArgs {
 /// Arguments of `fetch`.
 #[derive(Debug, Args)]
 pub struct FetchArgs {
+    /// Which job.
     #[command(flatten)]
     pub job: JobArgs,
     /// Where to write the picture, .png or .exr; may be repeated.
@@ -377,6 +387,7 @@ pub struct CheckArgs {
     /// A .json, .pbrt, .gltf or .glb file, or a folder or .zip with one in it.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
+    /// Camera and light.
     #[command(flatten)]
     pub look: LookArgs,
     /// Missing files are warnings.
@@ -396,6 +407,7 @@ pub struct ConvertArgs {
     /// FILE.json, or a folder that gets scene.json; big arrays and pictures go beside it.
     #[arg(short, long, value_name = "FILE.json|DIR")]
     pub output: PathBuf,
+    /// Camera and light.
     #[command(flatten)]
     pub look: LookArgs,
     /// Missing files are warnings.
