@@ -17,7 +17,7 @@ pub struct Chi2 {
 }
 
 /// Compares counts with expected counts of the same sum. Cells with an expectation below 5 are pooled
-/// from the smallest up; counts where nothing may be give p = 0.
+/// from the smallest up, cells where nothing is expected too.
 pub fn compare(observed: &[u64], expected: &[f64]) -> Chi2 {
     assert_eq!(observed.len(), expected.len());
     let mut order: Vec<usize> = (0..expected.len()).collect();
@@ -30,14 +30,14 @@ pub fn compare(observed: &[u64], expected: &[f64]) -> Chi2 {
     };
     for i in order {
         let (o, e) = (observed[i] as f64, expected[i]);
-        if e.is_nan() || (e <= 0.0 && o > 0.0) {
+        if !e.is_finite() {
             return Chi2 {
                 statistic: f64::INFINITY,
                 dof: 0,
                 p: 0.0,
             };
         }
-        if e < 5.0 || (pool_expected > 0.0 && pool_expected < 5.0) {
+        if e < 5.0 || (pool_observed + pool_expected > 0.0 && pool_expected < 5.0) {
             pool_observed += o;
             pool_expected += e;
         } else {

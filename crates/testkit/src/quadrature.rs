@@ -11,6 +11,9 @@ const GAUSS5: [(f64, f64); 5] = [
     (0.906_179_845_938_664, 0.236_926_885_056_189_1),
 ];
 
+/// Halvings that are always made: the edge of a hemisphere may cut off a corner between the nodes.
+const LEAST_DEPTH: u32 = 2;
+
 /// Integral of `f` over a rectangle, halving it until the halves agree with the whole within
 /// `tolerance`, or `depth` times.
 pub(crate) fn adaptive<F: FnMut(f64, f64) -> f64>(
@@ -20,8 +23,7 @@ pub(crate) fn adaptive<F: FnMut(f64, f64) -> f64>(
     tolerance: f64,
     depth: u32,
 ) -> f64 {
-    let whole = gauss(f, x, y);
-    refine(f, x, y, whole, tolerance, depth)
+    refine(f, x, y, f64::INFINITY, tolerance, depth, LEAST_DEPTH)
 }
 
 fn refine<F: FnMut(f64, f64) -> f64>(
@@ -31,6 +33,7 @@ fn refine<F: FnMut(f64, f64) -> f64>(
     whole: f64,
     tolerance: f64,
     depth: u32,
+    least: u32,
 ) -> f64 {
     let (mx, my) = (0.5 * (x.0 + x.1), 0.5 * (y.0 + y.1));
     let parts = [
@@ -41,13 +44,13 @@ fn refine<F: FnMut(f64, f64) -> f64>(
     ];
     let values = parts.map(|(x, y)| gauss(f, x, y));
     let sum: f64 = values.iter().sum();
-    if depth == 0 || (sum - whole).abs() <= tolerance {
+    if depth == 0 || (least == 0 && (sum - whole).abs() <= tolerance) {
         return sum;
     }
     parts
         .iter()
         .zip(values)
-        .map(|(&(x, y), v)| refine(f, x, y, v, 0.25 * tolerance, depth - 1))
+        .map(|(&(x, y), v)| refine(f, x, y, v, 0.25 * tolerance, depth - 1, least.saturating_sub(1)))
         .sum()
 }
 

@@ -1,26 +1,30 @@
-//! Metal under a dielectric layer: car paint, varnished brass. An approximation of the mean of pbrt-v4's
-//! `coatedconductor`.
+//! Metal under a dielectric layer: car paint, varnished brass. An approximation of the mean of the random
+//! walk that pbrt-v4's `coatedconductor` takes.
 //!
 //! - The boundary's own reflection as in [`super::Dielectric`].
 //! - Light that hits the metal once: T(wo) T(wi) / eta^2 times the metal's GGX lobe at the refracted
-//!   directions, exact for a smooth boundary. A rough boundary bends light by its facets' slopes times
-//!   (1 - 1/eta) on the way in and out; half of that tilts the half vector, so the metal's lobe is
-//!   widened to alpha^2 + s alpha_coat^2 (`COAT_SPREAD`), while T keeps the energy.
-//! - Light that the boundary throws back to the metal: the same lobe with alpha^2 doubled, scaled by
-//!   the tabulated part that comes back, [`CoatTable::returned`], and by the metal once more for each
-//!   hit.
+//!   directions, exact for a smooth boundary. Facets of a rough boundary bend light by their slope times
+//!   1 - cos / (eta cos inside), on the way in and on the way out; half of that tilts the half vector, so
+//!   the lobe is widened by as much. Where the metal is sharper than the boundary, a tabulated factor
+//!   repairs the energy.
+//! - Light that the boundary throws back to the metal: the same lobe with alpha^2 doubled and the
+//!   tabulated energy, [`CoatTable::again`], times the metal's reflectance once more for each hit.
 //! - Smooth on smooth: the whole series in one delta lobe, exactly.
 //!
-//! The tests compare it with the random walk and state the deviations. A scattering medium in the layer
-//! only dims.
+//! Albedo against the walk (copper, eta 1.5, from normal to cos 0.15): smooth boundary within 1.2 % where
+//! the metal's alpha is 0.6 or 1, within 6 % at 0.1 and 0.3; boundary and metal 0.1: +3 to +7 %; boundary 0.2 on
+//! metal 0.3: 0 to +8 %; boundary 0.1 on a mirror: +4 to -10 %; boundary 0.4 on metal 0.2: +12 to -10 %, on a
+//! mirror +9 to -23 %; 0.6 on 0.6: -7 to -26 %. A scattering medium in the layer is ignored.
 
+use super::coat::{bend, spread};
 use super::ggx::mirrored;
 use super::{BsdfSample, CoatTable, Ggx, above, fresnel_conductor, fresnel_dielectric, to_side_of};
 use crate::math::{Rgb, mean, sqr};
 use glam::{Vec2, Vec3};
 
-/// Share of the boundary's squared width that a crossing pair adds to the lobe, over (1 - 1/eta)^2.
-const COAT_SPREAD: f32 = 0.5;
+/// Weight of the metal's squared width against the boundary's in [`CoatedConductor::memory`]: of 1, 2 and
+/// 4 the nearest to the walk.
+const MEMORY: f32 = 4.0;
 
 /// See the module's documentation.
 #[derive(Clone, Copy, Debug)]
@@ -69,26 +73,17 @@ impl<'s> CoatedConductor<'s> {
         self.boundary.is_smooth() && self.base.is_smooth()
     }
 
-    /// How far a tilt of the boundary's facet turns the refracted direction, squared, in the plane of
-    /// incidence: 1 - cos / (eta cos inside).
+    /// Correction of T(wo) T(wi) for what a sharp metal remembers of the way in.
     #[inline]
-    fn bend(&self, w: Vec3, inner: Vec3) -> f32 {
+    fn memory(&self, wo: Vec3, wi: Vec3) -> f32 {
         if self.boundary.is_smooth() {
-            0.0
-        } else {
-            sqr(1.0 - w.z / (self.coat.ior() * inner.z))
+            return 1.0;
         }
-    }
-
-    /// The metal's lobe, widened by what crossing the boundary bends.
-    #[inline]
-    fn lobe(&self, bend: f32) -> Ggx {
-        if self.boundary.is_smooth() {
-            return self.base;
-        }
+        let (ax, ay) = self.base.widths();
         let (cx, cy) = self.boundary.widths();
-        let s = COAT_SPREAD * bend;
-        self.base.widened(1.0, s * cx * cx, s * cy * cy)
+        let sharp = cx * cy / (cx * cy + MEMORY * ax * ay);
+        let m = self.coat.mirror_factor(wo.z) * self.coat.mirror_factor(wi.z);
+        1.0 + (m - 1.0) * sharp
     }
 
     /// Probability of the boundary's own reflection, given its albedo and T(wo).
@@ -122,25 +117,31 @@ impl<'s> CoatedConductor<'s> {
             // Solid angle and cosine inside per outside: cos / (eta^2 cos inside).
             let squeeze = wi.z / (sqr(self.coat.ior()) * inner_i.z);
             // Samples know the way in only.
-            let (bend_o, bend_i) = (self.bend(wo, inner_o), self.bend(wi, inner_i));
-            let lobe = self.lobe(0.5 * (bend_o + bend_i));
+            let ior = self.coat.ior();
+            let (bend_o, bend_i) = (bend(wo, inner_o, ior), bend(wi, inner_i, ior));
+            let lobe = spread(self.base, self.boundary, 0.5 * (bend_o + bend_i));
             let (once, mut density, cos) = lobe.reflection(inner_o, inner_i);
             if !self.boundary.is_smooth() {
-                density = self.lobe(bend_o).reflection(inner_o, inner_i).1;
+                let lobe = spread(self.base, self.boundary, bend_o);
+                density = lobe.reflection(inner_o, inner_i).1;
             }
             pdf += (1.0 - p) * density * squeeze;
             if hits > 0 {
                 let metal = fresnel_conductor(cos, self.eta, self.k);
                 let wide = lobe.widened(2.0, 0.0, 0.0);
-                let (again, _, _) = wide.reflection(inner_o, inner_i);
+                let (shape, _, _) = wide.reflection(inner_o, inner_i);
                 let (ax, ay) = lobe.widths();
                 let alpha = (ax * ay).sqrt();
-                let back = (self.coat.returned(alpha, inner_o.z)
-                    * self.coat.returned(alpha, inner_i.z))
-                .sqrt();
-                let more = metal * back * Self::series(metal * back, hits - 1);
-                let t = t_o * self.coat.transmittance(wi.z) * squeeze;
-                f += metal * (Rgb::splat(once) + more * again) * t;
+                let (o, i) = (
+                    self.coat.again(alpha, inner_o.z),
+                    self.coat.again(alpha, inner_i.z),
+                );
+                // Geometric means keep it reciprocal.
+                let second = (o.second * i.second).sqrt();
+                let ratio = (o.ratio * i.ratio).sqrt();
+                let more = metal * second * Self::series(metal * ratio, hits - 1);
+                let t = t_o * self.coat.transmittance(wi.z) * squeeze * self.memory(wo, wi);
+                f += metal * (Rgb::splat(once) + more * shape) * t;
             }
         }
         if !self.boundary.is_smooth() {
@@ -182,7 +183,8 @@ impl<'s> CoatedConductor<'s> {
         let p = self.boundary_probability(t, spec);
         let wi = if u_lobe >= p {
             let inner = self.coat.refracted(wo_up)?;
-            let lobe = self.lobe(self.bend(wo_up, inner));
+            let bend = bend(wo_up, inner, self.coat.ior());
+            let lobe = spread(self.base, self.boundary, bend);
             let w = mirrored(inner, lobe.sample_visible(inner, u));
             // Out again; nothing leaves beyond the critical angle.
             let eta = self.coat.ior();
