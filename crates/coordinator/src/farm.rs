@@ -29,6 +29,10 @@ use uuid::Uuid;
 
 /// Decoded results that wait for their merge; each may take a megabyte.
 const RESULTS_IN_FLIGHT: usize = 64;
+/// The version of a picture rises with every merge, and the record is not saved with every merge:
+/// after a restart it goes on above anything that was shown. What the log brings back counts one by
+/// one, and this covers clearings.
+const VERSION_GAP: u64 = 1024;
 /// Jobs that are read from the store at once.
 const PAGE: usize = 1000;
 
@@ -356,11 +360,13 @@ impl Farm {
         let Some(record) = self.state().jobs.get(&id).map(|j| j.record.clone()) else {
             return Ok(());
         };
+        let mut newer = 0;
         let film = match self.films.pinned(id, frame) {
             Some(film) => film,
             None => {
                 let restored = checkpoint::restore(self, &record, frame)?;
                 tracing::info!(job.id = %id, frame, replayed = restored.replayed, "frame taken up again");
+                newer = restored.replayed + VERSION_GAP;
                 self.set_manifest(id, frame, restored.manifest);
                 self.films.replace(id, frame, restored.film)
             }
@@ -386,6 +392,7 @@ impl Farm {
         };
         job.to_load.remove(&frame);
         let about = job.record.begun.entry(frame).or_default();
+        job.record.image_version += newer;
         about.done = false;
         about.stats = stats_of(&film);
         job.last_point = (job.totals().0, job.record.run_seconds);

@@ -149,11 +149,17 @@ pub async fn serve(
     Coordinator::on(listener, config).await?.run(shutdown).await
 }
 
-/// Off loopback somebody has to say who may do what.
 fn check_address(listener: &TcpListener, config: &Config) -> Result<SocketAddr, ServeError> {
     let address = listener.local_addr().map_err(ServeError::Listen)?;
-    if !address.ip().is_loopback() && config.tokens.is_empty() && !config.insecure {
-        return Err(ConfigError::OpenToAll.into());
-    }
+    check_open(&address, config)?;
     Ok(address)
+}
+
+/// Off loopback somebody has to say who may do what.
+fn check_open(address: &SocketAddr, config: &Config) -> Result<(), ConfigError> {
+    let open = config.tokens.is_empty() && !config.insecure;
+    if open && !address.ip().is_loopback() {
+        return Err(ConfigError::OpenToAll);
+    }
+    Ok(())
 }
