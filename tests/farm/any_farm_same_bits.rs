@@ -9,7 +9,11 @@ async fn any_workers_same_bits() {
     let one = outcome(&[1], &scene, &tuning).await;
     assert_eq!(one.samples, 100 * 70 * 16);
     for farm in [&[2, 2, 2][..], &[1; 7], &[5, 1]] {
-        assert_eq!(outcome(farm, &scene, &tuning).await, one, "workers {farm:?}");
+        assert_eq!(
+            outcome(farm, &scene, &tuning).await,
+            one,
+            "workers {farm:?}"
+        );
     }
 }
 
@@ -35,7 +39,10 @@ fn every_simd_level_gives_the_same_bits() {
         );
         assert_eq!(run.code, 0, "{level}: {}", run.stderr);
         let used = brolly(&["info"], &[("BROLLY_SIMD", level)]).stdout;
-        let used = used.lines().find(|l| l.contains("SIMD")).unwrap_or_default();
+        let used = used
+            .lines()
+            .find(|l| l.contains("SIMD"))
+            .unwrap_or_default();
         eprintln!("asked for {level}: {used}");
         pictures.push((level, std::fs::read(out).unwrap()));
     }

@@ -62,16 +62,34 @@ fn dependencies_point_one_way() {
         }
     };
     let service = ["tokio", "axum", "reqwest", "hyper", "rusqlite"];
-    check("brolly-coordinator", &["brolly-tracer", "brolly-worker", "brolly-client", "obvhs"]);
+    check(
+        "brolly-coordinator",
+        &["brolly-tracer", "brolly-worker", "brolly-client", "obvhs"],
+    );
     check("brolly-store", &["brolly-tracer", "brolly-coordinator"]);
-    check("brolly-tracer", &["brolly-protocol", "brolly-client", "brolly-store"]);
+    check(
+        "brolly-tracer",
+        &["brolly-protocol", "brolly-client", "brolly-store"],
+    );
     check("brolly-tracer", &service);
-    check("brolly-film", &["brolly-scene", "brolly-tracer", "brolly-protocol"]);
+    check(
+        "brolly-film",
+        &["brolly-scene", "brolly-tracer", "brolly-protocol"],
+    );
     check("brolly-film", &service);
-    check("brolly-scene", &["brolly-film", "brolly-tracer", "brolly-protocol"]);
+    check(
+        "brolly-scene",
+        &["brolly-film", "brolly-tracer", "brolly-protocol"],
+    );
     check("brolly-scene", &service);
-    check("brolly-protocol", &["brolly-tracer", "brolly-client", "tokio", "axum", "reqwest"]);
-    check("brolly-client", &["brolly-tracer", "brolly-worker", "brolly-coordinator"]);
+    check(
+        "brolly-protocol",
+        &["brolly-tracer", "brolly-client", "tokio", "axum", "reqwest"],
+    );
+    check(
+        "brolly-client",
+        &["brolly-tracer", "brolly-worker", "brolly-coordinator"],
+    );
     check("brolly-worker", &["brolly-coordinator", "brolly-store"]);
     // The test must be able to fail.
     assert!(linked(&metadata, "brolly-worker").contains("brolly-tracer"));

@@ -93,13 +93,13 @@ async fn bad_requests_are_problems() {
         job(
             "an absurd size",
             changed(&|r| r["size"] = json!([65_537, 1])),
-            &[400, 422],
+            &[413],
             "65536",
         ),
         job(
             "too many pixels",
             changed(&|r| r["size"] = json!([65_536, 65_536])),
-            &[400, 422],
+            &[413],
             "268435456",
         ),
         job(
@@ -111,7 +111,7 @@ async fn bad_requests_are_problems() {
         job(
             "absurd spp",
             changed(&|r| r["stop"]["spp"] = json!((1 << 24) + 1)),
-            &[400, 422],
+            &[413],
             "16777216",
         ),
         job(
@@ -132,19 +132,24 @@ async fn bad_requests_are_problems() {
             &[400, 422],
             "",
         ),
-        job(
-            "a body above the limit",
-            vec![b' '; 40 << 20],
-            &[413],
-            "",
-        ),
+        job("a body above the limit", vec![b' '; 40 << 20], &[413], ""),
         Case {
             what: "another content type",
             content_type: Some("text/plain"),
             ..job("", good.to_string().into_bytes(), &[415], "")
         },
-        at("an unknown job", Method::GET, format!("v1/jobs/{unknown}"), &[404]),
-        at("an id that is none", Method::GET, "v1/jobs/7".into(), &[400, 404]),
+        at(
+            "an unknown job",
+            Method::GET,
+            format!("v1/jobs/{unknown}"),
+            &[404],
+        ),
+        at(
+            "an id that is none",
+            Method::GET,
+            "v1/jobs/7".into(),
+            &[400, 404],
+        ),
         at(
             "a picture of an unknown job",
             Method::GET,
@@ -163,8 +168,18 @@ async fn bad_requests_are_problems() {
             format!("v1/assets/{}", "0".repeat(64)),
             &[404],
         ),
-        at("an asset name that is none", Method::GET, "v1/assets/..%2f".into(), &[400, 404]),
-        at("an unknown route", Method::GET, "v1/nonsense".into(), &[404]),
+        at(
+            "an asset name that is none",
+            Method::GET,
+            "v1/assets/..%2f".into(),
+            &[400, 404],
+        ),
+        at(
+            "an unknown route",
+            Method::GET,
+            "v1/nonsense".into(),
+            &[404],
+        ),
         at("a wrong method", Method::DELETE, "v1/jobs".into(), &[405]),
         Case {
             what: "an asset under a wrong name",
@@ -210,7 +225,10 @@ async fn bad_requests_are_problems() {
             _ => wrong.push(format!("{}: no problem: {content_type} {body}", case.what)),
         }
         if !body.contains(case.says) {
-            wrong.push(format!("{}: does not say {:?}: {body}", case.what, case.says));
+            wrong.push(format!(
+                "{}: does not say {:?}: {body}",
+                case.what, case.says
+            ));
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
@@ -226,7 +244,12 @@ async fn bad_scenes_fail_their_job() {
         ("a missing file", "floor.ply", "gone.ply", "gone.ply"),
         ("a file outside", "floor.ply", "../../etc/passwd", "leaves"),
         ("an absolute path", "floor.ply", "/etc/passwd", "absolute"),
-        ("an absurd width", "[16] \"integer yres", "[70000] \"integer yres", "65536"),
+        (
+            "an absurd width",
+            "[16] \"integer yres",
+            "[70000] \"integer yres",
+            "65536",
+        ),
         ("an unknown shape", "\"plymesh\"", "\"plimesh\"", "plimesh"),
         ("a cut-off string", "\"dielectric\"", "\"dielectric", ""),
     ] {

@@ -11,7 +11,10 @@ async fn other_engine_version_is_refused() {
     let mut farm = TestFarm::start().await;
     farm.worker_with(|config| config.engine_version = EngineVersion(999));
     let error = farm.ended(0).await.unwrap_err();
-    assert!(matches!(error, WorkerError::EngineVersion { .. }), "{error:?}");
+    assert!(
+        matches!(error, WorkerError::EngineVersion { .. }),
+        "{error:?}"
+    );
     assert!(error.to_string().contains("999"), "{error}");
 }
 

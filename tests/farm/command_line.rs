@@ -13,7 +13,10 @@ fn text(path: &std::path::Path) -> String {
 fn exit_codes() {
     let scene = TestScene::room(16, 16);
     let broken = TestScene::room(16, 16);
-    broken.replace("Shape \"sphere\"", "Shape \"sphere\" \"float radius\" [\"x\"]");
+    broken.replace(
+        "Shape \"sphere\"",
+        "Shape \"sphere\" \"float radius\" [\"x\"]",
+    );
     let (good, broken) = (text(&scene.main()), text(&broken.main()));
     // A port that was free a moment ago: nobody listens.
     let closed = TcpListener::bind("127.0.0.1:0").unwrap();
@@ -67,7 +70,12 @@ fn render_json_has_exactly_these_fields() {
     let run = brolly(&args, &[]);
     assert_eq!(run.code, 0, "{}", run.stderr);
     let report: serde_json::Value = serde_json::from_str(&run.stdout).expect("one object");
-    let fields: Vec<&str> = report.as_object().unwrap().keys().map(String::as_str).collect();
+    let fields: Vec<&str> = report
+        .as_object()
+        .unwrap()
+        .keys()
+        .map(String::as_str)
+        .collect();
     let mut expect = vec![
         "job",
         "width",
@@ -90,10 +98,20 @@ fn render_json_has_exactly_these_fields() {
     assert_eq!(report["samples"], 24 * 16 * 4);
     assert!(report["cpu_seconds"].as_f64().unwrap() > 0.0);
     assert!(std::fs::read(png).unwrap().starts_with(b"\x89PNG"));
-    assert!(std::fs::read(exr).unwrap().starts_with(&[0x76, 0x2f, 0x31, 0x01]));
+    assert!(
+        std::fs::read(exr)
+            .unwrap()
+            .starts_with(&[0x76, 0x2f, 0x31, 0x01])
+    );
     let left: Vec<_> = std::fs::read_dir(scene.folder())
         .unwrap()
-        .filter(|e| e.as_ref().unwrap().path().extension().is_some_and(|e| e == "part"))
+        .filter(|e| {
+            e.as_ref()
+                .unwrap()
+                .path()
+                .extension()
+                .is_some_and(|e| e == "part")
+        })
         .collect();
     assert!(left.is_empty());
 }
@@ -114,7 +132,9 @@ async fn a_job_by_commands() {
         run.stdout
     };
     tokio::task::block_in_place(|| {
-        let id = run(&["submit", &main, "--spp", "4", "--name", "a name", "-o", &out]);
+        let id = run(&[
+            "submit", &main, "--spp", "4", "--name", "a name", "-o", &out,
+        ]);
         let id = id.strip_suffix('\n').expect("a line").to_owned();
         assert_eq!(id.len(), 36, "the id alone: {id:?}");
         assert!(std::fs::read(&out).unwrap().starts_with(b"\x89PNG"));
@@ -152,14 +172,26 @@ fn variables_work_as_flags() {
     assert_eq!(info["engine_version"], film::ENGINE_VERSION.0);
     // One process holds a data folder.
     let second = brolly(
-        &["serve", "--listen", "127.0.0.1:0", "--data", &text(data.path())],
+        &[
+            "serve",
+            "--listen",
+            "127.0.0.1:0",
+            "--data",
+            &text(data.path()),
+        ],
         &[],
     );
     assert_eq!(second.code, 1, "{}", second.stderr);
     // Off loopback without tokens.
     let other = tempfile::tempdir().unwrap();
     let open = brolly(
-        &["serve", "--listen", "0.0.0.0:0", "--data", &text(other.path())],
+        &[
+            "serve",
+            "--listen",
+            "0.0.0.0:0",
+            "--data",
+            &text(other.path()),
+        ],
         &[],
     );
     assert_eq!(open.code, 1, "{}", open.stderr);
@@ -204,7 +236,12 @@ fn a_closed_pipe_is_no_error() {
         .unwrap();
     drop(child.stdout.take());
     let mut stderr = String::new();
-    child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut stderr)
+        .unwrap();
     assert_eq!(child.wait().unwrap().code(), Some(0), "{stderr}");
     assert!(!stderr.contains("panicked"), "{stderr}");
 }

@@ -1,7 +1,7 @@
 //! What the container files say exists. They are checked without a container engine.
 
-use cli::args::Cli;
 use clap::CommandFactory;
+use cli::args::Cli;
 use std::collections::BTreeSet;
 
 const DOCKERFILE: &str = include_str!("../../docker/Dockerfile");
@@ -26,7 +26,11 @@ fn every_variable_is_one_of_the_program() {
     let mut known = BTreeSet::new();
     for command in Cli::command().get_subcommands() {
         for argument in command.get_arguments() {
-            known.extend(argument.get_env().map(|env| env.to_string_lossy().into_owned()));
+            known.extend(
+                argument
+                    .get_env()
+                    .map(|env| env.to_string_lossy().into_owned()),
+            );
         }
     }
     assert!(known.contains("BROLLY_TOKENS") && known.contains("BROLLY_DATA"));
@@ -73,10 +77,7 @@ fn every_flag_of_a_server_is_a_variable() {
                 continue;
             }
             let env = argument.get_env().map(|e| e.to_string_lossy().into_owned());
-            assert!(
-                env.is_some_and(|e| e.starts_with("BROLLY_")),
-                "{name} {id}"
-            );
+            assert!(env.is_some_and(|e| e.starts_with("BROLLY_")), "{name} {id}");
         }
     }
 }

@@ -74,8 +74,5 @@ async fn workers_keep_results_through_an_outage() {
     server.kill();
     tokio::time::sleep(Duration::from_millis(1500)).await;
     let (_server, _) = Brolly::serve(data.path(), port);
-    assert_eq!(
-        farm.outcome(id).await,
-        outcome(&[1], &scene, &tuning).await
-    );
+    assert_eq!(farm.outcome(id).await, outcome(&[1], &scene, &tuning).await);
 }

@@ -19,10 +19,7 @@ async fn the_same_bytes_twice_are_a_duplicate() {
     let second = worker.deliver(&lease, bytes.clone()).await.unwrap();
     assert_eq!((first, second), (Delivery::Accepted, Delivery::Duplicate));
     farm.worker(1);
-    assert_eq!(
-        farm.outcome(id).await,
-        outcome(&[1], &scene, &tuning).await
-    );
+    assert_eq!(farm.outcome(id).await, outcome(&[1], &scene, &tuning).await);
     // Also when the job is done.
     let third = worker.deliver(&lease, bytes).await.unwrap();
     assert_eq!(third, Delivery::Duplicate);
@@ -50,10 +47,7 @@ async fn a_late_result_is_work_saved() {
         "nobody else has rendered it"
     );
     farm.worker(1);
-    assert_eq!(
-        farm.outcome(id).await,
-        outcome(&[1], &scene, &tuning).await
-    );
+    assert_eq!(farm.outcome(id).await, outcome(&[1], &scene, &tuning).await);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -83,10 +77,7 @@ async fn other_bytes_for_a_known_unit_are_refused() {
         Delivery::OtherBytes
     );
     farm.worker(1);
-    assert_eq!(
-        farm.outcome(id).await,
-        outcome(&[1], &scene, &tuning).await
-    );
+    assert_eq!(farm.outcome(id).await, outcome(&[1], &scene, &tuning).await);
 }
 
 #[tokio::test(flavor = "multi_thread")]

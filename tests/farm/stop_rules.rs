@@ -43,10 +43,7 @@ async fn pause_resume_same_bits() {
         farm.client.resume(id).await.unwrap();
     }
     eprintln!("{pauses} pauses");
-    assert_eq!(
-        farm.outcome(id).await,
-        outcome(&[2], &scene, &tuning).await
-    );
+    assert_eq!(farm.outcome(id).await, outcome(&[2], &scene, &tuning).await);
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -77,14 +74,17 @@ async fn extend_equals_one_shot() {
 #[tokio::test(flavor = "multi_thread")]
 async fn noise_stop_same_for_any_farm() {
     let scene = TestScene::room(100, 70);
-    let tuning = Tuning::noise(0.15, 512);
+    let tuning = Tuning::noise(0.03, 512);
     let mut farm = TestFarm::start().await;
     farm.worker(1);
     let id = farm.submit(&scene, &tuning).await;
     let one = farm.outcome(id).await;
     let job = farm.client.job(id).await.unwrap();
     let tiles = farm.client.tiles(id, None).await.unwrap();
-    eprintln!("error {:?} at {} spp, tiles {:?}", job.error, job.spp, tiles.samples);
+    eprintln!(
+        "error {:?} at {} spp, tiles {:?}",
+        job.error, job.spp, tiles.samples
+    );
     assert!(tiles.samples.iter().all(|&spp| (16..=512).contains(&spp)));
     for workers in [&[2, 2][..], &[1, 1, 1, 1, 1]] {
         assert_eq!(outcome(workers, &scene, &tuning).await, one, "{workers:?}");
@@ -102,7 +102,7 @@ async fn noise_stop_same_for_any_farm() {
     // A tighter target later gives what a straight run gives.
     let tighter = JobPatch {
         stop: Some(Stop {
-            noise: Some(0.1),
+            noise: Some(0.02),
             spp: Some(512),
             ..Stop::default()
         }),
@@ -115,6 +115,6 @@ async fn noise_stop_same_for_any_farm() {
         (job.state == JobState::Done && job.samples > samples).then_some(())
     })
     .await;
-    let straight = outcome(&[2], &scene, &Tuning::noise(0.1, 512)).await;
+    let straight = outcome(&[2], &scene, &Tuning::noise(0.02, 512)).await;
     assert_eq!(farm.outcome(id).await.digest, straight.digest);
 }

@@ -21,9 +21,19 @@ async fn a_scene_becomes_a_picture() {
     assert!(job.error.is_some_and(|e| e > 0.0));
 
     let query = ImageQuery::default();
-    let png = farm.client.image(id, "png", &query, None).await.unwrap().unwrap();
+    let png = farm
+        .client
+        .image(id, "png", &query, None)
+        .await
+        .unwrap()
+        .unwrap();
     assert!(png.bytes.starts_with(b"\x89PNG"));
-    let exr = farm.client.image(id, "exr", &query, None).await.unwrap().unwrap();
+    let exr = farm
+        .client
+        .image(id, "exr", &query, None)
+        .await
+        .unwrap()
+        .unwrap();
     assert!(exr.bytes.starts_with(&[0x76, 0x2f, 0x31, 0x01]));
     let again = farm
         .client
@@ -104,7 +114,11 @@ async fn the_farm_gives_what_the_tracer_gives() {
         hand.deliver(&lease, bytes).await.expect("taken");
     }
     let by_hand = farm.outcome(id).await;
-    let digest: String = film.digest().iter().map(|byte| format!("{byte:02x}")).collect();
+    let digest: String = film
+        .digest()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
     assert_eq!(by_hand.digest, Some(digest));
     farm.worker(2);
     let by_farm = farm.render(&scene, &tuning).await;

@@ -98,10 +98,7 @@ async fn sigterm_gives_leases_back() {
     worker.signal("TERM");
     assert_eq!(worker.wait(), 0, "{}", worker.log());
     farm.worker(2);
-    assert_eq!(
-        farm.outcome(id).await,
-        outcome(&[1], &scene, &tuning).await
-    );
+    assert_eq!(farm.outcome(id).await, outcome(&[1], &scene, &tuning).await);
 }
 
 /// A worker that only takes leases and dies keeps nobody from the picture.

@@ -15,7 +15,12 @@ const DEFAULT_URL: &str = "http://127.0.0.1:7878";
 
 /// A self-hosted render farm for physically based pictures.
 #[derive(Debug, Parser)]
-#[command(name = "brolly", version, propagate_version = true, max_term_width = 100)]
+#[command(
+    name = "brolly",
+    version,
+    propagate_version = true,
+    max_term_width = 100
+)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -234,10 +239,20 @@ fn store(text: &str) -> Result<StoreArg, String> {
 #[derive(Debug, Args)]
 pub struct ServeArgs {
     /// Address to listen on; off loopback tokens are required.
-    #[arg(long, env = "BROLLY_LISTEN", value_name = "ADDRESS", default_value = "127.0.0.1:7878")]
+    #[arg(
+        long,
+        env = "BROLLY_LISTEN",
+        value_name = "ADDRESS",
+        default_value = "127.0.0.1:7878"
+    )]
     pub listen: SocketAddr,
     /// Folder for jobs, results and files.
-    #[arg(long, env = "BROLLY_DATA", value_name = "DIR", default_value = "brolly-data")]
+    #[arg(
+        long,
+        env = "BROLLY_DATA",
+        value_name = "DIR",
+        default_value = "brolly-data"
+    )]
     pub data: PathBuf,
     /// Workers in this process.
     #[arg(long, env = "BROLLY_WORKERS", value_name = "N", default_value_t = 0)]
@@ -272,7 +287,12 @@ pub struct WorkArgs {
     #[arg(long, env = "BROLLY_THREADS", value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Secret with the scope work.
-    #[arg(long, env = "BROLLY_TOKEN", value_name = "SECRET", hide_env_values = true)]
+    #[arg(
+        long,
+        env = "BROLLY_TOKEN",
+        value_name = "SECRET",
+        hide_env_values = true
+    )]
     pub token: Option<String>,
     /// Memory for prepared scenes, such as 8G [default: half of the machine's].
     #[arg(long, env = "BROLLY_MEMORY", value_name = "SIZE", value_parser = values::memory)]
@@ -289,7 +309,12 @@ pub struct RemoteArgs {
     #[arg(long, env = "BROLLY_URL", value_name = "URL", default_value = DEFAULT_URL)]
     pub to: String,
     /// Secret with the scope submit (or watch, for looking).
-    #[arg(long, env = "BROLLY_TOKEN", value_name = "SECRET", hide_env_values = true)]
+    #[arg(
+        long,
+        env = "BROLLY_TOKEN",
+        value_name = "SECRET",
+        hide_env_values = true
+    )]
     pub token: Option<String>,
 }
 

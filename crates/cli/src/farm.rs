@@ -39,9 +39,8 @@ impl Farm {
         let address = bound.local_addr();
         let (shutdown, worker_shutdown) = (CancellationToken::new(), CancellationToken::new());
         let stop = shutdown.clone();
-        let coordinator = tokio::spawn(async move {
-            bound.run(stop).await.context("the coordinator stopped")
-        });
+        let coordinator =
+            tokio::spawn(async move { bound.run(stop).await.context("the coordinator stopped") });
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let threads = crew
             .threads

@@ -81,7 +81,11 @@ pub fn check_writable(outputs: &[PathBuf]) -> anyhow::Result<()> {
             .filter(|p| !p.as_os_str().is_empty())
             .unwrap_or(Path::new("."));
         if !folder.is_dir() {
-            anyhow::bail!("{}: there is no folder {}", output.display(), folder.display());
+            anyhow::bail!(
+                "{}: there is no folder {}",
+                output.display(),
+                folder.display()
+            );
         }
         if output.is_dir() {
             anyhow::bail!("{} is a folder", output.display());

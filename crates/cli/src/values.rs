@@ -156,7 +156,16 @@ mod tests {
     #[test]
     fn sizes_memory_vectors_frames() {
         assert_eq!(size("1920x1080"), Ok([1920, 1080]));
-        for bad in ["", "x", "1920", "0x5", "5x0", "-1x5", "1x2x3", "99999999999x1"] {
+        for bad in [
+            "",
+            "x",
+            "1920",
+            "0x5",
+            "5x0",
+            "-1x5",
+            "1x2x3",
+            "99999999999x1",
+        ] {
             assert!(size(bad).is_err(), "{bad}");
         }
         assert_eq!(memory("8G"), Ok(8 << 30));

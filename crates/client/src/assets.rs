@@ -83,9 +83,12 @@ impl Client {
                     };
                     let opened = tokio::fs::File::open(file).await.map_err(fail)?;
                     let length = opened.metadata().await.map_err(fail)?.len();
-                    request.header("Content-Length", length).body(
-                        reqwest::Body::wrap_stream(ReaderStream::with_capacity(opened, 1 << 16)),
-                    )
+                    request
+                        .header("Content-Length", length)
+                        .body(reqwest::Body::wrap_stream(ReaderStream::with_capacity(
+                            opened,
+                            1 << 16,
+                        )))
                 }
             };
             let Err(error) = self.send_once(request).await else {

@@ -72,7 +72,8 @@ mod tests {
 
     #[test]
     fn any_cut_gives_the_same_events() {
-        let text = ": hello\r\n\r\nid: 7\nevent: job\ndata: {\"a\":\ndata: 1}\n\ndata:x\r\r\nid\n\n";
+        let text =
+            ": hello\r\n\r\nid: 7\nevent: job\ndata: {\"a\":\ndata: 1}\n\ndata:x\r\r\nid\n\n";
         let expect = vec![
             RawEvent {
                 id: Some("7".into()),

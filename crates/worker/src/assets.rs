@@ -3,8 +3,8 @@
 use client::{Client, ClientError};
 use futures::{StreamExt, TryStreamExt};
 use protocol::JobSpec;
-use scene::assets::{AssetBytes, MemorySource};
 use scene::AssetError;
+use scene::assets::{AssetBytes, MemorySource};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -390,10 +390,7 @@ impl LeaseLoop {
             .sum();
         Load {
             threads: self.config.threads.max(1),
-            running: self
-                .held
-                .count(Phase::InPool)
-                .saturating_sub(waiting.len()),
+            running: self.held.count(Phase::InPool).saturating_sub(waiting.len()),
             waiting: waiting.len() + self.parked.len(),
             waiting_samples: self.held.samples_of(&waiting) + parked,
             unit_samples: self.unit_samples,
@@ -469,8 +466,7 @@ impl LeaseLoop {
             self.refuse(at, "the unit is not part of the picture".into(), false);
             return None;
         }
-        let samples =
-            grid.tile(at.unit.tile).pixels() as u64 * u64::from(at.unit.samples.len());
+        let samples = grid.tile(at.unit.tile).pixels() as u64 * u64::from(at.unit.samples.len());
         if !self.held.insert(at.clone(), samples) {
             return None; // the answer to a repeated call
         }

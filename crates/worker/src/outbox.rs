@@ -105,9 +105,7 @@ impl Shared {
             };
             let unknown = error.is("no-worker");
             if unknown {
-                let _ = self
-                    .events
-                    .send(OutboxEvent::UnknownWorker(result.worker));
+                let _ = self.events.send(OutboxEvent::UnknownWorker(result.worker));
             }
             // A token may be put right while the worker runs; everything else that is refused stays refused.
             let passes = error.retryable() || unknown || matches!(error.status(), Some(401 | 403));

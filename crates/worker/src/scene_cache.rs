@@ -190,14 +190,11 @@ async fn prepare(
         machine_error: false,
         stopped: false,
     };
-    let source = assets
-        .source(&spec)
-        .await
-        .map_err(|error| PrepareFailure {
-            machine_error: matches!(error, FetchError::Download { .. }),
-            scene_error: matches!(error, FetchError::Path(_)),
-            ..failure(chain(&error))
-        })?;
+    let source = assets.source(&spec).await.map_err(|error| PrepareFailure {
+        machine_error: matches!(error, FetchError::Download { .. }),
+        scene_error: matches!(error, FetchError::Path(_)),
+        ..failure(chain(&error))
+    })?;
     if stop.is_stopped() {
         return Err(PrepareFailure {
             stopped: true,
@@ -205,8 +202,8 @@ async fn prepare(
         });
     }
     let work = move || {
-        let (desc, _warnings) = scene::load(&spec.scene, &source, &spec.overrides)
-            .map_err(|error| PrepareFailure {
+        let (desc, _warnings) =
+            scene::load(&spec.scene, &source, &spec.overrides).map_err(|error| PrepareFailure {
                 scene_error: true,
                 ..failure(error.to_string())
             })?;

@@ -110,13 +110,6 @@ impl TestFarm {
         self
     }
 
-    /// Tells worker `index` to leave and waits until it is gone.
-    pub async fn dismiss(&mut self, index: usize) -> Result<(), WorkerError> {
-        let worker = self.workers.remove(index);
-        worker.shutdown.cancel();
-        worker.task.await.expect("a worker does not panic")
-    }
-
     /// Waits until worker `index` ends by itself.
     pub async fn ended(&mut self, index: usize) -> Result<(), WorkerError> {
         let worker = self.workers.remove(index);

@@ -5,10 +5,10 @@ mod process;
 mod raw_worker;
 mod scenes;
 
-pub use farm::{Outcome, TestFarm, outcome, wait_until};
-pub use process::{Brolly, BrollyOutput, brolly};
+pub use farm::{TestFarm, outcome, wait_until};
+pub use process::{Brolly, brolly};
 pub use raw_worker::RawWorker;
-pub use scenes::{Tuning, TestScene};
+pub use scenes::{TestScene, Tuning};
 
 /// A seed for one test: the same every time, unless `BROLLY_TEST_SEED` says otherwise. Printed, so that
 /// a failure can be repeated.

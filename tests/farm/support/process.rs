@@ -96,7 +96,14 @@ impl Brolly {
 
     /// Starts `brolly work`.
     pub fn work(url: &str, threads: usize) -> Self {
-        Brolly::start(&["work", url, "--threads", &threads.to_string(), "--memory", "512M"])
+        Brolly::start(&[
+            "work",
+            url,
+            "--threads",
+            &threads.to_string(),
+            "--memory",
+            "512M",
+        ])
     }
 
     /// What it logged.

@@ -37,7 +37,10 @@ pub async fn list(args: JobsArgs) -> anyhow::Result<ExitCode> {
             print_line(&row(job))?;
         }
         if jobs.is_empty() {
-            eprintln!("no jobs; submit one with: brolly submit SCENE --to {}", client.base());
+            eprintln!(
+                "no jobs; submit one with: brolly submit SCENE --to {}",
+                client.base()
+            );
         }
     }
     Ok(ExitCode::SUCCESS)
@@ -93,7 +96,11 @@ fn tell(job: &JobStatus, json: bool) -> anyhow::Result<ExitCode> {
             eprintln!("{finding}");
         }
         let detail = problem.detail.as_deref().unwrap_or_default();
-        print_line(&format!("  failed: {} {}", problem.title, printable(detail)))?;
+        print_line(&format!(
+            "  failed: {} {}",
+            problem.title,
+            printable(detail)
+        ))?;
     }
     print_warnings(&job.warnings);
     Ok(ExitCode::SUCCESS)
@@ -104,7 +111,11 @@ fn changed(job: &JobStatus, json: bool) -> anyhow::Result<ExitCode> {
     if json {
         print_json(job)?;
     } else {
-        eprintln!("{} is {}", job.id, format!("{:?}", job.state).to_lowercase());
+        eprintln!(
+            "{} is {}",
+            job.id,
+            format!("{:?}", job.state).to_lowercase()
+        );
     }
     Ok(ExitCode::SUCCESS)
 }

@@ -14,7 +14,11 @@ pub async fn run(args: ServeArgs) -> anyhow::Result<ExitCode> {
     let mut token = None;
     if args.workers > 0 && !tokens.is_empty() {
         // Workers in this process need a secret like any other; nobody else learns it.
-        let secret = format!("{:032x}{:032x}", rand::random::<u128>(), rand::random::<u128>());
+        let secret = format!(
+            "{:032x}{:032x}",
+            rand::random::<u128>(),
+            rand::random::<u128>()
+        );
         tokens.push(Token::new(Scope::Work, &secret).map_err(|e| Usage(e.to_string()))?);
         token = Some(secret);
     }
