@@ -136,6 +136,9 @@ pub fn restore(farm: &Farm, record: &JobRecord, frame: u32) -> Result<Restored, 
         }
         Ok(())
     })?;
+    // The film knows what counts. What the log has beyond that (a bad worker's results) must not
+    // keep good ones out.
+    farm.stores.log.forget_all(record.id);
     Ok(Restored {
         film,
         manifest,

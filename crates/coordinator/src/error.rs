@@ -102,6 +102,12 @@ const PREFIX: &str = "/problems/";
 #[derive(Clone, Debug)]
 pub struct ApiError {
     kind: Kind,
+    // Boxed: errors are rare, and every result would be as large as they are.
+    more: Box<More>,
+}
+
+#[derive(Clone, Debug)]
+struct More {
     detail: Option<String>,
     findings: Vec<Finding>,
     limit: Option<Limit>,
@@ -111,13 +117,16 @@ pub struct ApiError {
 impl ApiError {
     /// Of a kind, with what was wrong this time.
     pub fn new(kind: Kind, detail: impl Into<String>) -> Self {
-        ApiError {
-            kind,
+        let more = More {
             detail: Some(detail.into()),
             findings: Vec::new(),
             limit: None,
             retry_after: (kind.status == 503 || kind.status == 429)
                 .then_some(Duration::from_secs(2)),
+        };
+        ApiError {
+            kind,
+            more: Box::new(more),
         }
     }
 
@@ -127,19 +136,18 @@ impl ApiError {
             Some(actual) => format!("{name}: {actual}, more than the limit of {value}"),
             None => format!("{name}: more than the limit of {value}"),
         };
-        ApiError {
-            limit: Some(Limit {
-                name: name.to_owned(),
-                value,
-                actual,
-            }),
-            ..ApiError::new(kind, detail)
-        }
+        let mut error = ApiError::new(kind, detail);
+        error.more.limit = Some(Limit {
+            name: name.to_owned(),
+            value,
+            actual,
+        });
+        error
     }
 
     /// With findings in the scene.
     pub fn with_findings(mut self, findings: Vec<Finding>) -> Self {
-        self.findings = findings;
+        self.more.findings = findings;
         self
     }
 
@@ -154,9 +162,9 @@ impl ApiError {
             kind: format!("{PREFIX}{}", self.kind.name),
             title: self.kind.title.to_owned(),
             status: self.kind.status,
-            detail: self.detail.clone(),
-            findings: self.findings.clone(),
-            limit: self.limit.clone(),
+            detail: self.more.detail.clone(),
+            findings: self.more.findings.clone(),
+            limit: self.more.limit.clone(),
             request_id: crate::routes::request_id().map(|id| id.to_string()),
         }
     }
@@ -164,7 +172,7 @@ impl ApiError {
 
 impl std::fmt::Display for ApiError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match &self.detail {
+        match &self.more.detail {
             Some(detail) => write!(f, "{}: {detail}", self.kind.title),
             None => f.write_str(self.kind.title),
         }
@@ -206,7 +214,7 @@ impl IntoResponse for ApiError {
             header::CONTENT_TYPE,
             HeaderValue::from_static("application/problem+json"),
         );
-        if let Some(after) = self.retry_after {
+        if let Some(after) = self.more.retry_after {
             headers.insert(header::RETRY_AFTER, HeaderValue::from(after.as_secs()));
         }
         if status == StatusCode::UNAUTHORIZED {

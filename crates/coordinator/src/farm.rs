@@ -353,7 +353,9 @@ impl Farm {
             Err(StoreError::Damaged {
                 what: format!("frame {frame} of job {id} cannot be read"),
             })
-        })
+        })?;
+        // The gap in the versions counts from what is saved: the next restart needs another one.
+        self.save(id).await
     }
 
     fn load_frame_now(self: &Arc<Self>, id: Uuid, frame: u32) -> Result<(), StoreError> {

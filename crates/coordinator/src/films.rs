@@ -19,10 +19,13 @@ struct Kept {
     bytes: usize,
 }
 
+/// A count of uses, and the films by job and frame.
+type Clocked = (u64, HashMap<(Uuid, u32), Kept>);
+
 /// Films by job and frame.
 #[derive(Default)]
 pub struct Films {
-    films: Mutex<(u64, HashMap<(Uuid, u32), Kept>)>,
+    films: Mutex<Clocked>,
 }
 
 impl Films {

@@ -464,19 +464,15 @@ impl Work {
             if !job.plans.get(&frame).is_some_and(|p| p.is_complete()) {
                 return Ok(());
             }
-            let met = job
-                .plans
-                .get(&frame)
-                .and_then(|_| job.record.stop.noise)
-                .map(|target| {
-                    farm.films.get(self.job, frame).is_some_and(|film| {
-                        let film = film.read().unwrap_or_else(PoisonError::into_inner);
-                        film.tiles().iter().all(|t| {
-                            t.errors()
-                                .is_some_and(|e| e.of(film::error::ERROR_KIND) <= target)
-                        })
+            let met = job.record.stop.noise.map(|target| {
+                farm.films.get(self.job, frame).is_some_and(|film| {
+                    let film = film.read().unwrap_or_else(PoisonError::into_inner);
+                    film.tiles().iter().all(|t| {
+                        t.errors()
+                            .is_some_and(|e| e.of(film::error::ERROR_KIND) <= target)
                     })
-                });
+                })
+            });
             job.plans.remove(&frame);
             let about = job.record.begun.entry(frame).or_default();
             about.done = true;

@@ -2,6 +2,7 @@
 
 use crate::error::{
     ApiError, BAD_RESULT, DIGEST_MISMATCH, ENGINE_VERSION as ENGINE, GONE, INTERNAL, OTHER_BYTES,
+    UNAVAILABLE,
 };
 use crate::farm::Farm;
 use crate::job::Job;
@@ -95,6 +96,10 @@ impl Farm {
             Ok(())
         })?;
         let appended = self.append(&delivery).await;
+        let appended_new = appended
+            .as_ref()
+            .ok()
+            .map(|a| matches!(a, Appended::New(_)));
         let accepted = match appended {
             Ok(Appended::New(_) | Appended::Same(_)) => self.accept(&delivery, result, token, room),
             Ok(Appended::Other { .. }) => Err(ApiError::new(
@@ -111,11 +116,16 @@ impl Farm {
         }
         match accepted {
             Err(error) if error.kind() == OTHER_BYTES => {
-                // It may have been merged between the first look and the log.
+                // It was accepted between the first look and now, or is about to be.
                 match self.known(&delivery).await? {
                     Some(taken) => Ok(taken),
-                    None => Err(error),
+                    None => Err(ApiError::new(UNAVAILABLE, error.to_string())),
                 }
+            }
+            Err(error) if matches!(appended_new, Some(true)) => {
+                // Logged and not wanted: it must not keep another result of the unit out.
+                self.stores.log.forget(delivery.job, delivery.unit);
+                Err(error)
             }
             other => other,
         }

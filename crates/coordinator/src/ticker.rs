@@ -199,10 +199,10 @@ fn out_of_time(farm: &Arc<Farm>, job: &mut Job) -> bool {
         None,
         None,
     );
-    if job.plans.values().any(|p| p.is_complete()) {
-        if let Err(error) = farm.order(job, Order::Review) {
-            tracing::error!(job.id = %job.record.id, %error, "no owner");
-        }
+    if job.plans.values().any(|p| p.is_complete())
+        && let Err(error) = farm.order(job, Order::Review)
+    {
+        tracing::error!(job.id = %job.record.id, %error, "no owner");
     }
     true
 }

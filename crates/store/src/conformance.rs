@@ -45,9 +45,12 @@ impl Backend {
     }
 }
 
+/// Name and body.
+type Check = (&'static str, fn(&mut Backend));
+
 /// Runs everything.
 pub fn run(backend: &mut Backend) {
-    let checks: &[(&str, fn(&mut Backend))] = &[
+    let checks: &[Check] = &[
         ("jobs_are_compared_and_set", jobs_are_compared_and_set),
         ("keys_make_one_job", keys_make_one_job),
         ("jobs_are_listed_newest_first", jobs_are_listed_newest_first),
@@ -380,5 +383,11 @@ fn forgotten_units_may_come_again(backend: &mut Backend) {
         Appended::Same(position)
     );
     assert_eq!(read(&stores, job, 0).len(), 2);
+    stores.log.forget_all(job);
+    assert!(matches!(
+        append(&stores, entry(job, 0, "better")),
+        Appended::New(_)
+    ));
+    assert_eq!(read(&stores, job, 0).len(), 3);
     stores.log.purge(job).unwrap();
 }

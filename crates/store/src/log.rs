@@ -51,6 +51,9 @@ pub trait ResultLog: Send + Sync {
     fn end(&self) -> u64;
     /// The bytes of a unit are void: others may be appended. What was written is still read.
     fn forget(&self, job: Uuid, unit: Unit);
+    /// Whatever is there of a job, its units may be appended again: whoever read it knows what
+    /// counts. What was written is still read.
+    fn forget_all(&self, job: Uuid);
     /// The results of a job before `position` are no longer needed.
     fn trim(&self, job: Uuid, position: u64) -> Result<(), StoreError>;
     /// Nothing of a job is needed any more.

@@ -177,6 +177,10 @@ impl ResultLog for MemoryLog {
         lock(&self.0).index.remove(&(job, unit));
     }
 
+    fn forget_all(&self, job: Uuid) {
+        lock(&self.0).index.retain(|(j, _), _| *j != job);
+    }
+
     fn trim(&self, job: Uuid, position: u64) -> Result<(), StoreError> {
         let mut log = lock(&self.0);
         log.entries.retain(|p, e| e.job != job || *p >= position);

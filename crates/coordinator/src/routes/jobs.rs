@@ -2,7 +2,7 @@
 
 use super::body::{Json, header_text, job_id, query};
 use crate::auth::Caller;
-use crate::error::{ApiError, BAD_REQUEST, NO_FRAME};
+use crate::error::{ApiError, BAD_REQUEST, INTERNAL, NO_FRAME};
 use crate::farm::{Farm, no_job};
 use crate::{checkpoint, status, submit as submitting};
 use axum::Extension;
@@ -45,7 +45,16 @@ pub async fn submit(
         ),
         None => format!("-/{key}"),
     });
-    let job = submitting::submit(&farm, request, key).await?;
+    // On its own: a connection that breaks now must not leave half a job.
+    let submitting = {
+        let farm = farm.clone();
+        farm.clone()
+            .tasks
+            .spawn(async move { submitting::submit(&farm, request, key).await })
+    };
+    let job = submitting
+        .await
+        .map_err(|_| ApiError::new(INTERNAL, "submitting crashed"))??;
     let location = format!("/v1/jobs/{}", job.id);
     Ok((
         StatusCode::CREATED,
@@ -126,7 +135,16 @@ pub async fn delete_job(
     State(farm): State<Arc<Farm>>,
     Path(id): Path<String>,
 ) -> Result<StatusCode, ApiError> {
-    farm.delete(job_id(&id)?).await?;
+    let id = job_id(&id)?;
+    let deleting = {
+        let farm = farm.clone();
+        farm.clone()
+            .tasks
+            .spawn(async move { farm.delete(id).await })
+    };
+    deleting
+        .await
+        .map_err(|_| ApiError::new(INTERNAL, "deleting crashed"))??;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -244,7 +262,7 @@ pub async fn tiles(
     });
     let list = list
         .await
-        .map_err(|_| ApiError::new(crate::error::INTERNAL, "looking at tiles crashed"))??;
+        .map_err(|_| ApiError::new(INTERNAL, "looking at tiles crashed"))??;
     Ok(axum::Json(list))
 }
 

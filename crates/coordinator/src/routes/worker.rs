@@ -2,7 +2,7 @@
 
 use super::body::{Json, header_text, plain};
 use crate::auth::Caller;
-use crate::error::{ApiError, BAD_REQUEST, BAD_RESULT, TOO_LARGE};
+use crate::error::{ApiError, BAD_REQUEST, BAD_RESULT, INTERNAL, TOO_LARGE};
 use crate::farm::Farm;
 use crate::record::parse_digest;
 use crate::results::{Delivery, Taken};
@@ -107,7 +107,17 @@ pub async fn result(
         bytes: bytes.freeze(),
         cpu_seconds,
     };
-    let (status, duplicate) = match farm.take(delivery).await? {
+    // On its own: a connection that breaks now must not leave it half taken.
+    let taking = {
+        let farm = farm.clone();
+        farm.clone()
+            .tasks
+            .spawn(async move { farm.take(delivery).await })
+    };
+    let taken = taking
+        .await
+        .map_err(|_| ApiError::new(INTERNAL, "taking a result crashed"))?;
+    let (status, duplicate) = match taken? {
         Taken::New => (StatusCode::CREATED, false),
         Taken::Same => (StatusCode::OK, true),
     };

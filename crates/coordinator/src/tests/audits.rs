@@ -20,11 +20,26 @@ async fn disagree(wrong_first: bool) {
     let leases = rig.lease(bad, 6).await;
     let mut at = leases[0].at.clone();
     for lease in &leases[1..] {
-        rig.send(bad, &lease.at, render(lease.at.unit)).await.unwrap();
+        rig.send(bad, &lease.at, render(lease.at.unit))
+            .await
+            .unwrap();
     }
-    let (first, second) = if wrong_first { (bad, good) } else { (good, bad) };
-    let bytes = |worker| if worker == bad { render_wrong(at.unit) } else { render(at.unit) };
-    assert_eq!(rig.send(first, &at, bytes(first)).await.unwrap(), Taken::New);
+    let (first, second) = if wrong_first {
+        (bad, good)
+    } else {
+        (good, bad)
+    };
+    let bytes = |worker| {
+        if worker == bad {
+            render_wrong(at.unit)
+        } else {
+            render(at.unit)
+        }
+    };
+    assert_eq!(
+        rig.send(first, &at, bytes(first)).await.unwrap(),
+        Taken::New
+    );
     let error = rig.send(second, &at, bytes(second)).await.unwrap_err();
     assert_eq!(error.kind(), OTHER_BYTES);
     // Neither of the two settles it.
@@ -36,7 +51,11 @@ async fn disagree(wrong_first: bool) {
             rig.deliver(worker, &lease.at).await.unwrap();
         }
     }
-    assert_ne!(rig.status(id).state, JobState::Done, "an open audit holds the job");
+    assert_ne!(
+        rig.status(id).state,
+        JobState::Done,
+        "an open audit holds the job"
+    );
     let audit = rig.lease(third, 1).await.remove(0);
     assert_eq!(audit.at.unit, unit);
     assert!(audit.at.attempt > 1);
@@ -80,7 +99,9 @@ async fn quarantine_by_hand_renders_again_what_was_touched() {
     let id = rig.submit(spp(8)).await;
     let (bad, good) = (rig.worker("bad"), rig.worker("good"));
     for lease in rig.lease(bad, 3).await {
-        rig.send(bad, &lease.at, render_wrong(lease.at.unit)).await.unwrap();
+        rig.send(bad, &lease.at, render_wrong(lease.at.unit))
+            .await
+            .unwrap();
     }
     rig.merged(id, 3).await;
     crate::audit::quarantine(&rig.farm, bad, "on request");
@@ -110,14 +131,20 @@ async fn poison_unit_fails_job_with_reason() {
         let mut request = asking(worker, 1);
         request.failed = vec![failure(&lease.at)];
         let more = rig.sync(request).await.leases;
-        assert!(more.iter().all(|l| l.at.unit != lease.at.unit), "never back to who failed it");
+        assert!(
+            more.iter().all(|l| l.at.unit != lease.at.unit),
+            "never back to who failed it"
+        );
     }
     let status = rig.status(id);
     assert_eq!(status.state, JobState::Failed);
     let problem = status.problem.unwrap();
     assert_eq!(problem.kind, "/problems/poison-unit");
     let detail = problem.detail.unwrap();
-    assert!(detail.contains("0-0-0-1") && detail.contains("it burns"), "{detail}");
+    assert!(
+        detail.contains("0-0-0-1") && detail.contains("it burns"),
+        "{detail}"
+    );
     rig.farm.retry(id).await.unwrap();
     let worker = rig.worker("d");
     assert_eq!(rig.work(worker, id).await.digest, hex(&oracle(0, |_| 8)));
@@ -178,7 +205,10 @@ async fn damaged_and_foreign_results_are_refused_whole() {
     let good = render(at.unit);
     let kind = |r: Result<Taken, crate::error::ApiError>| r.unwrap_err().kind();
     for cut in [0, 10, good.len() / 2, good.len() - 1] {
-        assert_eq!(kind(rig.send(worker, &at, good[..cut].to_vec()).await), BAD_RESULT);
+        assert_eq!(
+            kind(rig.send(worker, &at, good[..cut].to_vec()).await),
+            BAD_RESULT
+        );
     }
     let mut flipped = good.clone();
     flipped[good.len() / 2] ^= 4;
@@ -186,7 +216,12 @@ async fn damaged_and_foreign_results_are_refused_whole() {
     let other = film::Unit { tile: 1, ..at.unit };
     assert_eq!(kind(rig.send(worker, &at, render(other)).await), BAD_RESULT);
     let result = film::decode_unit(&good).unwrap();
-    let old = film::encode_unit(at.unit, &result.buffer, &result.counters, film::EngineVersion(u32::MAX));
+    let old = film::encode_unit(
+        at.unit,
+        &result.buffer,
+        &result.counters,
+        film::EngineVersion(u32::MAX),
+    );
     assert_eq!(kind(rig.send(worker, &at, old).await), ENGINE_VERSION);
     let claimed = Delivery {
         job: id,

@@ -30,7 +30,10 @@ async fn coordinator_killed_after_log_before_merge() {
         rig = rig.restart().await;
         let status = rig.status(id);
         assert_eq!(status.units_merged, total, "what was acknowledged is there");
-        assert!(status.image_version > version, "a picture's version never goes back");
+        assert!(
+            status.image_version > version,
+            "a picture's version never goes back"
+        );
     }
     let worker = rig.worker("b");
     let status = rig.work(worker, id).await;
@@ -64,14 +67,21 @@ async fn corrupt_checkpoint_falls_back() {
         rig.merged(id, 6).await;
         rig.farm.checkpoint(id).await.unwrap();
     }
-    let newest = rig.farm.state().jobs[&id].record.begun[&0].current.clone().unwrap();
+    let newest = rig.farm.state().jobs[&id].record.begun[&0]
+        .current
+        .clone()
+        .unwrap();
     let path = rig.path().join("blobs").join(&newest.manifest);
     let folder = rig.crash().await;
     let mut bytes = std::fs::read(&path).unwrap();
     bytes[20] ^= 1;
     std::fs::write(&path, bytes).unwrap();
     let rig = Rig::open(folder).await;
-    assert_eq!(rig.status(id).units_merged, 12, "the one before and the log have all");
+    assert_eq!(
+        rig.status(id).units_merged,
+        12,
+        "the one before and the log have all"
+    );
     let worker = rig.worker("b");
     assert_eq!(rig.work(worker, id).await.digest, hex(&oracle(0, |_| 32)));
 }
@@ -145,6 +155,9 @@ impl ResultLog for Faulty {
     fn forget(&self, job: Uuid, unit: film::Unit) {
         self.inner.log.forget(job, unit);
     }
+    fn forget_all(&self, job: Uuid) {
+        self.inner.log.forget_all(job);
+    }
     fn trim(&self, job: Uuid, position: u64) -> Result<(), StoreError> {
         self.inner.log.trim(job, position)
     }
@@ -157,7 +170,12 @@ impl ResultLog for Faulty {
 }
 
 impl JobStore for Faulty {
-    fn create(&self, id: Uuid, key: Option<IdempotencyKey>, record: Vec<u8>) -> Answer<'_, Created> {
+    fn create(
+        &self,
+        id: Uuid,
+        key: Option<IdempotencyKey>,
+        record: Vec<u8>,
+    ) -> Answer<'_, Created> {
         self.inner.jobs.create(id, key, record)
     }
     fn get(&self, id: Uuid) -> Answer<'_, StoredJob> {
@@ -258,5 +276,8 @@ async fn a_finished_job_that_cannot_be_saved_is_saved_later() {
     // Killed before it ever worked: the log has the results.
     let rig = Rig::open(rig.crash().await).await;
     let status = rig.done(id).await;
-    assert_eq!((status.state, status.digest), (JobState::Done, hex(&oracle(0, |_| 1))));
+    assert_eq!(
+        (status.state, status.digest),
+        (JobState::Done, hex(&oracle(0, |_| 1)))
+    );
 }

@@ -24,9 +24,16 @@ async fn frames_are_opened_one_after_the_other() {
     assert_eq!(status.digest, hex(&oracle(3, |_| 4)));
     assert_eq!((status.units_merged, status.spp), (60, 4.0));
     for frame in 3..=7 {
-        assert_eq!(rig.film_digest(id, frame), oracle(frame, |_| 4), "frame {frame}");
+        assert_eq!(
+            rig.film_digest(id, frame),
+            oracle(frame, |_| 4),
+            "frame {frame}"
+        );
     }
-    assert!(rig.farm.stores.log.jobs().is_empty(), "the log is empty at the end");
+    assert!(
+        rig.farm.stores.log.jobs().is_empty(),
+        "the log is empty at the end"
+    );
     let patch = JobPatch {
         stop: Some(spp(8)),
         ..JobPatch::default()
@@ -35,7 +42,11 @@ async fn frames_are_opened_one_after_the_other() {
     let status = rig.work(worker, id).await;
     assert_eq!(status.state, JobState::Done);
     for frame in 3..=7 {
-        assert_eq!(rig.film_digest(id, frame), oracle(frame, |_| 8), "frame {frame}");
+        assert_eq!(
+            rig.film_digest(id, frame),
+            oracle(frame, |_| 8),
+            "frame {frame}"
+        );
     }
 }
 

@@ -56,7 +56,11 @@ async fn extend_equals_one_shot() {
         let status = rig.work(worker, id).await;
         assert_eq!(status.digest, hex(&oracle(0, |_| first)));
         let rig = rig.restart().await;
-        assert_eq!(hex(&rig.film_digest(id, 0)), status.digest, "kept over a restart");
+        assert_eq!(
+            hex(&rig.film_digest(id, 0)),
+            status.digest,
+            "kept over a restart"
+        );
         let looser = JobPatch {
             stop: Some(spp(first - 1)),
             ..JobPatch::default()
@@ -138,7 +142,10 @@ async fn time_ends_at_whole_units_and_can_be_repeated() {
     let worker = rig.worker("a");
     // One tile gets ahead of the others.
     let leases = rig.lease(worker, 24).await;
-    for lease in leases.iter().filter(|l| l.at.unit.tile == 2 || l.at.unit.samples.end <= 2) {
+    for lease in leases
+        .iter()
+        .filter(|l| l.at.unit.tile == 2 || l.at.unit.samples.end <= 2)
+    {
         rig.deliver(worker, &lease.at).await.unwrap();
     }
     let status = rig.done(id).await;
@@ -205,9 +212,18 @@ async fn noise_stop_same_for_any_farm() {
 async fn a_broken_scene_fails_with_its_place() {
     let rig = Rig::memory().await;
     let mut request = rig.request(Stop::default());
-    let digest = rig.farm.stores.blobs.put(b"WorldBegin\nShape \"nonsense\" \"oops\n").unwrap();
-    request.files.insert("scene.pbrt".into(), crate::record::hex(&digest));
-    let job = crate::submit::submit(&rig.farm, request, None).await.unwrap();
+    let digest = rig
+        .farm
+        .stores
+        .blobs
+        .put(b"WorldBegin\nShape \"nonsense\" \"oops\n")
+        .unwrap();
+    request
+        .files
+        .insert("scene.pbrt".into(), crate::record::hex(&digest));
+    let job = crate::submit::submit(&rig.farm, request, None)
+        .await
+        .unwrap();
     let status = rig.wait(job.id, |s| s.state.is_final()).await;
     assert_eq!(status.state, JobState::Failed);
     let problem = status.problem.unwrap();

@@ -8,11 +8,19 @@ use protocol::JobState;
 /// What happens next.
 #[derive(Clone, Debug)]
 enum Step {
-    Lease { worker: usize, want: u32 },
+    Lease {
+        worker: usize,
+        want: u32,
+    },
     /// The lease at this place of those that were ever given, to be delivered by this worker: maybe
     /// for the second time, maybe after somebody else did.
-    Deliver { worker: usize, lease: usize },
-    GiveBack { lease: usize },
+    Deliver {
+        worker: usize,
+        lease: usize,
+    },
+    GiveBack {
+        lease: usize,
+    },
     Checkpoint,
     Restart,
 }
@@ -141,7 +149,10 @@ async fn the_same_result_many_times_at_once_is_merged_once() {
         assert!(taken.iter().all(Result::is_ok));
     }
     let status = rig.done(id).await;
-    assert_eq!((status.units_merged, status.digest), (4, hex(&oracle(0, |_| 1))));
+    assert_eq!(
+        (status.units_merged, status.digest),
+        (4, hex(&oracle(0, |_| 1)))
+    );
 }
 
 #[tokio::test(start_paused = true)]
@@ -154,7 +165,10 @@ async fn worker_paused_past_lease_then_reports() {
     assert!(rig.lease(quick, 4).await.is_empty());
     tokio::time::sleep(rig.farm.config.lease_ttl * 2).await;
     let second = rig.lease(quick, 4).await;
-    assert_eq!(second.iter().map(|l| l.at.attempt).collect::<Vec<_>>(), [2; 4]);
+    assert_eq!(
+        second.iter().map(|l| l.at.attempt).collect::<Vec<_>>(),
+        [2; 4]
+    );
     // A late report frees nothing that is somebody else's ...
     let mut request = asking(slow, 0);
     request.given_back = vec![first[0].at.clone()];
@@ -162,7 +176,10 @@ async fn worker_paused_past_lease_then_reports() {
     assert_eq!(rig.status(id).units_leased, 4);
     // ... and a late result is as good as any.
     assert_eq!(rig.deliver(slow, &first[0].at).await.unwrap(), Taken::New);
-    assert_eq!(rig.deliver(quick, &second[0].at).await.unwrap(), Taken::Same);
+    assert_eq!(
+        rig.deliver(quick, &second[0].at).await.unwrap(),
+        Taken::Same
+    );
     let mut request = asking(quick, 0);
     request.held = second.iter().map(|l| l.at.clone()).collect();
     assert_eq!(rig.sync(request).await.cancelled, [second[0].at.clone()]);

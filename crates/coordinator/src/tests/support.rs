@@ -98,7 +98,11 @@ impl Rig {
         }
         farm.owners.close();
         farm.owners.wait().await;
-        assert_eq!(Arc::strong_count(&farm), 1, "something still holds the farm");
+        assert_eq!(
+            Arc::strong_count(&farm),
+            1,
+            "something still holds the farm"
+        );
         folder.unwrap()
     }
 

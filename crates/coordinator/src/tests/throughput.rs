@@ -19,7 +19,7 @@ fn full(unit: Unit) -> Vec<u8> {
     };
     for y in 0..tile.height {
         for px in 0..tile.width {
-            for index in unit.samples.begin..unit.samples.begin + 4 {
+            for index in unit.samples.begin..(unit.samples.begin + 4).min(unit.samples.end) {
                 let sample = LayerSample {
                     beauty: [next(), next(), next()],
                     alpha: 1.0,
@@ -38,7 +38,11 @@ fn full(unit: Unit) -> Vec<u8> {
 #[ignore = "a measurement"]
 async fn results_per_second() {
     for durable in [false, true] {
-        let rig = Arc::new(if durable { Rig::embedded().await } else { Rig::memory().await });
+        let rig = Arc::new(if durable {
+            Rig::embedded().await
+        } else {
+            Rig::memory().await
+        });
         let passes = 400;
         let id = rig.submit(spp(512 * passes)).await;
         let worker = rig.worker("a");
@@ -53,8 +57,10 @@ async fn results_per_second() {
                 break;
             }
         }
-        let rendered: Vec<(protocol::LeaseRef, Bytes)> =
-            leases.into_iter().map(|l| (l.at.clone(), full(l.at.unit).into())).collect();
+        let rendered: Vec<(protocol::LeaseRef, Bytes)> = leases
+            .into_iter()
+            .map(|l| (l.at.clone(), full(l.at.unit).into()))
+            .collect();
         let size: usize = rendered.iter().map(|(_, b)| b.len()).sum();
         let count = rendered.len();
         let start = Instant::now();
@@ -93,7 +99,10 @@ async fn results_per_second() {
             let rig = Rig::open(folder).await;
             let seconds = start.elapsed().as_secs_f64();
             assert_eq!(rig.status(id).units_merged, count as u64);
-            println!("restart with {:.0} MB of log: {seconds:.2} s", size as f64 / 1e6);
+            println!(
+                "restart with {:.0} MB of log: {seconds:.2} s",
+                size as f64 / 1e6
+            );
         }
     }
 }
@@ -104,8 +113,15 @@ async fn results_per_second() {
 fn merge_alone() {
     let results: Vec<_> = (0..100)
         .map(|n| {
-            let samples = SampleRange { begin: n * 512, end: (n + 1) * 512 };
-            full(Unit { frame: 0, tile: 0, samples })
+            let samples = SampleRange {
+                begin: (n + 1) * 512,
+                end: (n + 2) * 512,
+            };
+            full(Unit {
+                frame: 0,
+                tile: 0,
+                samples,
+            })
         })
         .collect();
     let mut film = Film::new(GRID, 0);
@@ -115,8 +131,20 @@ fn merge_alone() {
         let result = film::decode_unit(bytes).unwrap();
         decode += start.elapsed().as_secs_f64();
         let start = Instant::now();
-        film.merge(&result, film::Receipt { digest: [0; 32], worker: "a".into() }).unwrap();
+        film.merge(
+            &result,
+            film::Receipt {
+                digest: [0; 32],
+                worker: "a".into(),
+            },
+        )
+        .unwrap();
         merge += start.elapsed().as_secs_f64();
     }
-    println!("decode {:.3} ms, merge {:.3} ms a result of {} KB", decode * 10.0, merge * 10.0, results[0].len() / 1000);
+    println!(
+        "decode {:.3} ms, merge {:.3} ms a result of {} KB",
+        decode * 10.0,
+        merge * 10.0,
+        results[0].len() / 1000
+    );
 }

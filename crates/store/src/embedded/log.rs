@@ -399,6 +399,10 @@ impl ResultLog for SegmentLog {
         }
     }
 
+    fn forget_all(&self, job: Uuid) {
+        lock(&self.index).jobs.remove(&job);
+    }
+
     fn trim(&self, job: Uuid, position: u64) -> Result<(), StoreError> {
         let mut index = lock(&self.index);
         if let Some(units) = index.jobs.get_mut(&job) {
