@@ -167,8 +167,8 @@ impl SphereTest {
             for sector in 0..self.sectors {
                 let width = 2.0 * PI / self.sectors as f64;
                 let phi = width * sector as f64;
-                // A hundredth of a sample is well below the noise of any cell.
-                let tolerance = 0.01 / self.samples as f64;
+                // A tenth of a sample is well below the noise of any cell.
+                let tolerance = 0.1 / self.samples as f64;
                 let p = adaptive(
                     &mut density,
                     (edge(ring), edge(ring + 1)),

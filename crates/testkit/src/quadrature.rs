@@ -50,7 +50,17 @@ fn refine<F: FnMut(f64, f64) -> f64>(
     parts
         .iter()
         .zip(values)
-        .map(|(&(x, y), v)| refine(f, x, y, v, 0.25 * tolerance, depth - 1, least.saturating_sub(1)))
+        .map(|(&(x, y), v)| {
+            refine(
+                f,
+                x,
+                y,
+                v,
+                0.25 * tolerance,
+                depth - 1,
+                least.saturating_sub(1),
+            )
+        })
         .sum()
 }
 

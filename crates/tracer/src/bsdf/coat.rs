@@ -27,10 +27,10 @@ use super::{Ggx, fresnel_dielectric};
 use crate::math::{INV_4PI, Rgb, dot, exp, lerp, safe_sqrt, sqr};
 use glam::{Vec2, Vec3};
 
-/// Cells over the cosine. Linear interpolation of T is off by at most 2e-4 (smooth, near the horizon).
+/// Cells over the cosine. Linear interpolation of T is worst near the horizon of a smooth boundary.
 const CELLS: usize = 128;
 /// Directions for one entry of a rough layer's table.
-const POINTS: u32 = 256;
+const POINTS: u32 = 224;
 /// Widths of a metal base.
 const WIDTHS: usize = 9;
 /// Cosines inside the layer for a metal base.
@@ -131,7 +131,7 @@ fn attenuation(thickness: f32, cos: f32) -> f32 {
 impl CoatTable {
     /// With the index of refraction inside over outside, the GGX widths of the boundary, the optical
     /// depth of the layer, the asymmetry g and albedo of its medium, and the depth limit of pbrt's
-    /// walk (in crossings of the layer). Takes about 3 ms; deterministic.
+    /// walk (in crossings of the layer). Takes a few milliseconds; deterministic.
     pub fn new(
         ior: f32,
         alpha_x: f32,
@@ -419,7 +419,7 @@ impl Boundary {
     /// Turns what a mirror below a rough boundary sends out into the factor that makes T(wo) T(wi) times
     /// the widened lobe of [`super::CoatedConductor`] send out as much.
     fn compare_mirrors(&self, cells: &mut [Cell]) {
-        const N: u32 = 128;
+        const N: u32 = 96;
         if self.ggx.is_smooth() {
             return;
         }
@@ -488,7 +488,7 @@ impl Boundary {
     /// (both with attenuation) and K the lobe, the escaping light after hits 1, 2, 3 is K e, K r K e,
     /// K r K r K e.
     fn again(&self, inside: &Inside) -> Box<[[Again; COSINES + 1]; WIDTHS]> {
-        const N: u32 = 96;
+        const N: u32 = 64;
         let mut table = Box::new([[Again::default(); COSINES + 1]; WIDTHS]);
         let split = |cos: f32| {
             if self.ggx.is_smooth() {
@@ -510,16 +510,16 @@ impl Boundary {
             let alpha = i as f32 / (WIDTHS - 1) as f32;
             let ggx = Ggx::new(alpha, alpha);
             // K f at one cosine.
-            let scatter = |ggx: Ggx, cos: f32, f: &dyn Fn(f32) -> f32| {
+            let scatter = |ggx: Ggx, cos: f32, f: &dyn Fn(f32) -> Vec2| {
                 if ggx.is_smooth() {
                     return f(cos);
                 }
                 let wo = at_cosine(cos);
-                let mut sum = 0.0;
+                let mut sum = Vec2::ZERO;
                 for k in 0..N {
                     let w = mirrored(wo, ggx.sample_visible(wo, hammersley(k, N)));
                     if w.z > 0.0 {
-                        sum += ggx.shadowing(wo, w) * f(w.z);
+                        sum += f(w.z) * ggx.shadowing(wo, w);
                     }
                 }
                 sum / N as f32
@@ -527,7 +527,8 @@ impl Boundary {
             let nodes = |f: &dyn Fn(f32) -> f32| {
                 let mut out = [0.0; INSIDE + 1];
                 for (j, v) in out.iter_mut().enumerate() {
-                    *v = scatter(ggx, (j as f32 / INSIDE as f32).max(1e-3), f);
+                    let cos = (j as f32 / INSIDE as f32).max(1e-3);
+                    *v = scatter(ggx, cos, &|cos| Vec2::splat(f(cos))).x;
                 }
                 out
             };
@@ -536,12 +537,13 @@ impl Boundary {
             let wide = ggx.widened(2.0, 0.0, 0.0);
             for (j, entry) in row.iter_mut().enumerate() {
                 let cos = lerp(self.critical(), 1.0, j as f32 / COSINES as f32).max(1e-3);
-                let after2 = scatter(ggx, cos, &|cos| returns(cos) * interpolate(&first, cos));
-                let after3 = scatter(ggx, cos, &|cos| returns(cos) * interpolate(&second, cos));
-                let shape = scatter(wide, cos, &escapes);
+                let after = scatter(ggx, cos, &|cos| {
+                    Vec2::new(interpolate(&first, cos), interpolate(&second, cos)) * returns(cos)
+                });
+                let shape = scatter(wide, cos, &|cos| Vec2::splat(escapes(cos))).x;
                 *entry = Again {
-                    second: after2 / shape.max(1e-3),
-                    ratio: (after3 / after2.max(1e-6)).min(1.0),
+                    second: after.x / shape.max(1e-3),
+                    ratio: (after.y / after.x.max(1e-6)).min(1.0),
                 };
             }
         }

@@ -82,7 +82,8 @@ impl Dielectric {
 
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
         const NOTHING: (Rgb, f32) = (Rgb::ZERO, 0.0);
-        if self.is_delta() || wo.z == 0.0 || wi.z == 0.0 {
+        // Along the surface; products of smaller cosines would vanish.
+        if self.is_delta() || wo.z.abs() < 1e-16 || wi.z.abs() < 1e-16 {
             return NOTHING;
         }
         let eta = self.eta_from(wo);

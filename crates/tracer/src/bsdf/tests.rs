@@ -167,21 +167,34 @@ fn pole(bsdf: &Bsdf, wo: Vec3) -> Vec3 {
     let mut rng = TestRng::new(99);
     let mut best = (-1.0, Vec3::Z);
     for _ in 0..64 {
-        if let Some(s) = bsdf.sample(wo, rng.u(), rng.u2().into()) {
-            if !s.delta && s.pdf > best.0 {
-                best = (s.pdf, s.wi);
-            }
+        let sampled = bsdf.sample(wo, rng.u(), rng.u2().into());
+        if let Some(s) = sampled.filter(|s| !s.delta && s.pdf > best.0) {
+            best = (s.pdf, s.wi);
         }
     }
     best.1
 }
 
 #[test]
-fn samples_follow_their_density() {
+fn samples_follow_their_density_from_above() {
+    samples_follow_their_density(|wo| wo.z > 0.2);
+}
+
+#[test]
+fn samples_follow_their_density_at_the_horizon() {
+    samples_follow_their_density(|wo| wo.z.abs() <= 0.2);
+}
+
+#[test]
+fn samples_follow_their_density_from_below() {
+    samples_follow_their_density(|wo| wo.z < -0.2);
+}
+
+fn samples_follow_their_density(chosen: impl Fn(Vec3) -> bool) {
     let tests = cases().len() * views().len();
     let mut failures = vec![];
     for (i, case) in cases().iter().enumerate() {
-        for (j, &wo) in views().iter().enumerate() {
+        for (j, &wo) in views().iter().enumerate().filter(|(_, wo)| chosen(**wo)) {
             let test = SphereTest {
                 axis: pole(&case.bsdf, wo).to_array(),
                 rings: 16,

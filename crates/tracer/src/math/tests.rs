@@ -106,8 +106,8 @@ fn elementary_functions_are_accurate() {
         (
             "atan2",
             worst(
-                -3.141,
-                3.141,
+                -3.13,
+                3.13,
                 N,
                 |a| atan2((f64::from(a).sin_()) as f32, (f64::from(a).cos_()) as f32),
                 |a| libm::atan2(f64::from(a.sin_() as f32), f64::from(a.cos_() as f32)),

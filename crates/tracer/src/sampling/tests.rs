@@ -181,12 +181,13 @@ fn directions_follow_their_densities() {
 
 #[test]
 fn polygons_and_disk_are_uniform() {
+    type Map<'a> = &'a dyn Fn(Vec2) -> Vec2;
     // A grid of cells inside the inscribed circle, where each point counts the same.
     let polygon = RegularPolygon::new(6, 17.0);
     let inner = 0.5 * 3f32.sqrt();
     let disk = |u| uniform_disk_concentric(u);
     let hexagon = |u| polygon.sample(u);
-    let maps: [(&dyn Fn(Vec2) -> Vec2, f32, f32); 2] = [
+    let maps: [(Map, f32, f32); 2] = [
         (&disk, uniform_disk_pdf(), 1.0),
         (&hexagon, polygon.pdf(), inner),
     ];
