@@ -51,11 +51,12 @@ pub fn render_sample(
     index: u32,
     counters: &mut Counters,
 ) -> LayerSample {
-    let mut sampler = Sampler::start(scene.sampler, scene.seed, scene.frame, pixel, index);
+    // A pixel of a crop is named by its place in the whole picture, so that both are the same.
     let full = [
         pixel[0] + scene.crop_origin[0],
         pixel[1] + scene.crop_origin[1],
     ];
+    let mut sampler = Sampler::start(scene.sampler, scene.seed, scene.frame, full, index);
     let center = Vec2::new(full[0] as f32 + 0.5, full[1] as f32 + 0.5);
     let size = Vec2::new(scene.full_size[0] as f32, scene.full_size[1] as f32);
     if let Integrator::Whitted { max_depth } = scene.integrator {

@@ -349,7 +349,8 @@ mod tests {
             .collect()
     }
 
-    /// Probabilities of all lights add to one, and are those with which lights come.
+    /// Probabilities of all lights and of no light at all (a node may promise what neither of its
+    /// children can keep) add to one, and are those with which lights come.
     #[test]
     fn probabilities_add_up_and_are_those_of_the_samples() {
         let mut rng = StdRng::seed_from_u64(5);
@@ -368,10 +369,8 @@ mod tests {
                     rng.random_range(-1.0..1.0),
                 ));
                 let sum: f64 = (0..count as u32).map(|l| tree.pmf(p, n, l) as f64).sum();
-                assert!(
-                    (sum - 1.0).abs() < 1e-4 || sum == 0.0,
-                    "{count} lights at {p}: {sum}"
-                );
+                assert!(sum < 1.0 + 1e-4, "{count} lights at {p}: {sum}");
+                let mut missed = 0;
                 for i in 0..2000 {
                     if let Some((light, pmf)) = tree.sample(p, n, i as f32 / 2000.0) {
                         assert_eq!(
@@ -381,9 +380,14 @@ mod tests {
                         );
                         assert!(pmf > 0.0);
                     } else {
-                        assert_eq!(sum, 0.0);
+                        missed += 1;
                     }
                 }
+                let share = missed as f64 / 2000.0;
+                assert!(
+                    (1.0 - sum - share).abs() < 0.01,
+                    "{count} lights at {p}: {sum} chosen, {share} missed"
+                );
             }
         }
     }

@@ -139,7 +139,7 @@ fn stratified(index: u32, key: u64) -> Vec2 {
 fn permute16(i: u32, key: u32) -> u32 {
     let mut x = i;
     for round in 0..4 {
-        let k = hash::mix32(key.wrapping_add(round * 0x9E37_79B9));
+        let k = hash::mix32(key.wrapping_add(0x9E37_79B9u32.wrapping_mul(round)));
         x = (x ^ (k & 15)) & 15;
         x = x.wrapping_mul((k >> 4) & 14 | 1) & 15;
         x ^= x >> 2;
