@@ -2,6 +2,9 @@
 
 use std::time::{Duration, Instant};
 
+/// The system brings its figure up to date only every few milliseconds: below this it says nothing.
+const COARSE_SECONDS: f64 = 0.01;
+
 /// Runs from [`Stopwatch::start`].
 pub struct Stopwatch {
     wall: Instant,
@@ -22,11 +25,12 @@ impl Stopwatch {
     }
     /// Time on a processor; where the system does not tell, time on the clock.
     pub fn cpu_seconds(&self) -> f64 {
+        let wall = self.wall_seconds();
         match (self.cpu, thread_nanoseconds()) {
-            (Some(begin), Some(end)) => {
+            (Some(begin), Some(end)) if wall > COARSE_SECONDS => {
                 Duration::from_nanos(end.saturating_sub(begin)).as_secs_f64()
             }
-            _ => self.wall_seconds(),
+            _ => wall,
         }
     }
 }
