@@ -51,7 +51,15 @@ pub fn build(
     let mut plan_of: Vec<Option<u32>> = vec![None; desc.groups.len()];
 
     let mut world = Plan::default();
-    for primitive in &desc.primitives {
+    // What has no surface and does not shine is nothing: left in, it would stop shadow rays.
+    let is_nothing = |p: &&Primitive| {
+        p.emission.is_none()
+            && matches!(
+                desc.materials[p.material.index()].bsdf,
+                model::BsdfDesc::Interface
+            )
+    };
+    for primitive in desc.primitives.iter().filter(|p| !is_nothing(p)) {
         add(primitive, &mut world, &mut plans, &mut instances);
     }
     let mut todo: Vec<(&Instance, Vec<&Motion>)> =
@@ -71,7 +79,11 @@ pub fn build(
             Some(plan) => plan,
             None => {
                 let mut plan = Plan::default();
-                for primitive in &desc.groups[group].primitives {
+                for primitive in desc.groups[group]
+                    .primitives
+                    .iter()
+                    .filter(|p| !is_nothing(p))
+                {
                     if primitive.transform.is_moving() {
                         let own = Plan {
                             drafts: vec![Draft {
