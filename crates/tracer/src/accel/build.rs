@@ -106,7 +106,7 @@ impl Boundable for Item {
 /// Inner nodes on the way down are at most this many, so that a traversal stack of
 /// `7 * DEPTH_MAX + 1` entries never overflows.
 pub const DEPTH_MAX: usize = 40;
-const _: () = assert!(7 * DEPTH_MAX + 1 <= super::simd::STACK_SIZE);
+const _: () = assert!(7 * DEPTH_MAX < super::simd::STACK_SIZE);
 
 /// Nodes, root word and triangle blocks over some items.
 pub struct Built {

@@ -125,7 +125,7 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
         return false;
     }
     let walker = Walker::<S>::new(origin, direction);
-    let mut stack = Stack::new();
+    let mut stack = Stack::empty();
     let mut word = tree.root;
     loop {
         if word & LEAF == 0 {
@@ -171,7 +171,7 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
                     word = node.children[near];
                     continue;
                 }
-                let from = stack.len();
+                let from = stack.height();
                 stack.push(node.children[first], t[first]);
                 stack.push(node.children[second], t[second]);
                 while mask != 0 {

@@ -424,7 +424,7 @@ pub const STACK_SIZE: usize = 320;
 impl Stack {
     /// Empty; the memory is not touched.
     #[inline(always)]
-    pub fn new() -> Stack {
+    pub fn empty() -> Stack {
         Stack {
             items: [const { std::mem::MaybeUninit::uninit() }; STACK_SIZE],
             len: 0,
@@ -448,7 +448,7 @@ impl Stack {
     }
     /// Number of entries.
     #[inline(always)]
-    pub fn len(&self) -> usize {
+    pub fn height(&self) -> usize {
         self.len
     }
     /// Sorts the entries from `from` up so that the nearest is on top; equal distances keep the

@@ -127,7 +127,9 @@ pub fn sample(
         }
         if depth >= ROULETTE_FROM {
             let keep = (throughput.max_element() * eta_scale * ROULETTE_FACTOR).min(1.0);
-            if !(numbers.roulette < keep) {
+            // A throughput of NaN ends here too: nothing compares with it.
+            let goes_on = numbers.roulette < keep;
+            if !goes_on {
                 break;
             }
             throughput *= 1.0 / keep;

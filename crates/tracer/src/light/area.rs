@@ -324,8 +324,10 @@ fn sphere_sample(
         }
     };
     let n = math::normalize(q - center) * if inward { -1.0 } else { 1.0 };
-    let mut point = Point::default();
-    point.p = q;
+    let point = Point {
+        p: q,
+        ..Point::default()
+    };
     if let ColorTex::Texture(_) = emission.radiance {
         // Texture coordinates of a sphere are those of its own axes, which only the surface knows;
         // textured spheres are not registered as lights (see `prepare`).

@@ -103,7 +103,7 @@ impl LightTree {
             );
             let (a, b) = (left.bounds.importance(p, n), right.bounds.importance(p, n));
             let sum = a + b;
-            if !(sum > 0.0) {
+            if sum.is_nan() || sum <= 0.0 {
                 return None;
             }
             let share = a / sum;
@@ -136,7 +136,7 @@ impl LightTree {
             );
             let (a, b) = (left.bounds.importance(p, n), right.bounds.importance(p, n));
             let sum = a + b;
-            if !(sum > 0.0) {
+            if sum.is_nan() || sum <= 0.0 {
                 return 0.0;
             }
             let share = a / sum;
@@ -258,7 +258,7 @@ fn split(lights: &mut [(u32, LightBounds)], bounds: &LightBounds, depth: u32) ->
     let mut best: Option<(f64, usize, usize)> = None;
     if depth < DEPTH_MAX - 32 {
         for axis in 0..3 {
-            if !(hi[axis] > lo[axis]) {
+            if hi[axis] <= lo[axis] {
                 continue;
             }
             let mut cells: [Option<LightBounds>; BUCKETS] = [None; BUCKETS];

@@ -71,7 +71,7 @@ fn reverse_lanes<const N: usize>(x: &mut [u32; N]) {
         y = (y >> 2 & 0x3333_3333) | (y & 0x3333_3333) << 2;
         y = (y >> 4 & 0x0F0F_0F0F) | (y & 0x0F0F_0F0F) << 4;
         y = (y >> 8 & 0x00FF_00FF) | (y & 0x00FF_00FF) << 8;
-        *v = y >> 16 | y << 16;
+        *v = y.rotate_left(16);
     }
 }
 
