@@ -9,6 +9,7 @@ use crate::owner::Order;
 use crate::plan::Accepted;
 use crate::record::Void;
 use crate::results::Delivery;
+use film::Unit;
 use protocol::TimestampMs;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -28,13 +29,7 @@ pub enum Compared {
 }
 
 /// Compares a result with the accepted one of its unit.
-pub fn compare(
-    farm: &Arc<Farm>,
-    job: &mut Job,
-    delivery: &Delivery,
-    known: &Accepted,
-    now: TimestampMs,
-) -> Compared {
+pub fn compare(job: &mut Job, delivery: &Delivery, known: &Accepted, now: TimestampMs) -> Compared {
     let unit = delivery.unit;
     let same = known.digest == delivery.digest;
     if same && !job.audits.contains_key(&unit) {
@@ -80,7 +75,7 @@ pub fn compare(
         .filter(|(d, _)| *d != right)
         .map(|(_, w)| *w)
         .collect();
-    job.audits.remove(&unit);
+    // The audit stays open, and holds the job, until the guilty are taken out.
     job.note(
         now,
         "info",
@@ -88,9 +83,6 @@ pub fn compare(
         None,
         None,
     );
-    if let Err(error) = farm.order(job, Order::Review) {
-        tracing::error!(job.id = %delivery.job, %error, "no owner");
-    }
     if same {
         Compared::SameAndGuilty(guilty)
     } else {
@@ -98,8 +90,8 @@ pub fn compare(
     }
 }
 
-/// Quarantines workers without making the caller wait for the store.
-pub fn quarantine_later(farm: &Arc<Farm>, guilty: Vec<Uuid>) {
+/// Ends an audit: quarantines the guilty without making the caller wait.
+pub fn conclude_later(farm: &Arc<Farm>, id: Uuid, unit: Unit, guilty: Vec<Uuid>) {
     let farm = farm.clone();
     // Under the caller's lock nothing may be done to other jobs: a task of its own does.
     farm.clone().tasks.spawn(async move {
@@ -109,6 +101,12 @@ pub fn quarantine_later(farm: &Arc<Farm>, guilty: Vec<Uuid>) {
                 worker,
                 "its result differs from those of two other workers",
             );
+        }
+        if let Some(job) = farm.state().jobs.get_mut(&id) {
+            job.audits.remove(&unit);
+            if let Err(error) = farm.order(job, Order::Review) {
+                tracing::error!(job.id = %id, %error, "no owner");
+            }
         }
     });
 }

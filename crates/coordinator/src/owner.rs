@@ -351,7 +351,6 @@ impl Work {
                 .min(log_pos);
             about.voids.retain(|v| v.before >= covered);
             about.current = Some(checkpoint);
-            about.done |= done;
             dropped
         };
         farm.set_manifest(self.job, frame, Some(manifest));

@@ -176,7 +176,7 @@ impl Farm {
             }
             match fit(job, &delivery.unit) {
                 Some(Fit::Known(known)) => {
-                    let compared = audit::compare(self, job, delivery, &known, now);
+                    let compared = audit::compare(job, delivery, &known, now);
                     worker.held.remove(&(delivery.job, delivery.unit));
                     return self.conclude(compared, delivery).map(Some);
                 }
@@ -252,7 +252,7 @@ impl Farm {
         match compared {
             audit::Compared::Same => Ok(Taken::Same),
             audit::Compared::SameAndGuilty(guilty) => {
-                audit::quarantine_later(self, guilty);
+                audit::conclude_later(self, delivery.job, delivery.unit, guilty);
                 Ok(Taken::Same)
             }
             audit::Compared::Other => {
@@ -268,7 +268,7 @@ impl Farm {
             }
             audit::Compared::OtherAndGuilty(guilty) => {
                 self.metrics.differing();
-                audit::quarantine_later(self, guilty);
+                audit::conclude_later(self, delivery.job, delivery.unit, guilty);
                 Err(ApiError::new(
                     OTHER_BYTES,
                     "other bytes of this unit are known; the audit is settled",
