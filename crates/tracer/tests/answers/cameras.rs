@@ -82,7 +82,7 @@ fn circle_of_confusion() {
         (0.35, 8.0, 6.0),
     ] {
         let radius = 0.008 * z;
-        let diameter = 2.0 * r * (z - focus as f64).abs() / z / focus;
+        let diameter = 2.0 * r * f64::abs(z - focus) / z / focus;
         let source = 2.0 * radius / z;
         let spot = spot(Some(lens(r, focus)), z, radius, 1024);
         let expected = (diameter * diameter + source * source).sqrt() / 4.0;
