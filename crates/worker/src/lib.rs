@@ -1,9 +1,9 @@
 //! The worker: leases units from a coordinator, renders them on its own threads, delivers the
 //! results, for ever.
 //!
-//! One task, the [`lease_loop`], owns all state and reacts to what the others report: the CPU
-//! [`pool`] (plain threads, one unit each), the [`scene_cache`] (fetches files, prepares scenes) and
-//! the [`outbox`] (delivers results and keeps them through an outage). Nothing here decides what is rendered;
+//! One task, the `lease_loop`, owns all state and reacts to what the others report: the CPU
+//! `pool` (plain threads, one unit each), the `scene_cache` (fetches files, prepares scenes) and
+//! the `outbox` (delivers results and keeps them through an outage). Nothing here decides what is rendered;
 //! losing any of it costs time, never samples.
 #![forbid(unsafe_code)]
 
