@@ -59,9 +59,10 @@ pub fn luminance_fixed(rgb: [i128; 3]) -> i128 {
 }
 
 /// Which half of a pixel's samples an index belongs to, for the error estimate. Both halves of any
-/// aligned block of 2^m samples have 2^(m-1) of them and are themselves well distributed: the mask is
-/// the first row of the third Sobol generator matrix (bits 1, 1, 0 repeated), so that a half is a
-/// digital net of its own [Joe08, dimension 3].
+/// aligned block of 2^m samples have 2^(m-1) of them. The mask is the first row of the third Sobol
+/// generator matrix (bits 1, 1, 0 repeated) [Joe08, dimension 3], which would make each half a digital
+/// net if the sampler did not shuffle the index for every dimension; as it does, the halves see little
+/// of what quasi-random points gain (measured in `docs/error-estimate.md`).
 #[inline(always)]
 pub fn in_second_half(index: u32) -> bool {
     (index & 0xDB6D_B6DB).count_ones() & 1 == 1
