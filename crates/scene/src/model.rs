@@ -334,8 +334,10 @@ pub enum Integrator {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SamplerKind {
-    /// Owen-scrambled Sobol points.
+    /// An embedded lattice sequence, shifted at random.
     #[default]
+    Lattice,
+    /// Owen-scrambled Sobol points.
     OwenSobol,
     /// Jittered strata over blocks of 16 samples.
     Stratified,

@@ -1,7 +1,7 @@
 //! Renders a scene with the tracer alone, without a farm: what the farm's overhead is measured
 //! against. Prints one line with the rates.
 //!
-//! `cargo run --release -p brolly-tracer --example direct -- SCENE [spp] [threads] [out.pfm]`
+//! `cargo run --release -p brolly-tracer --example direct -- SCENE [spp] [threads] [out.pfm] [seed]`
 
 use film::{SampleRange, Unit};
 use std::path::Path;
@@ -14,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let path = args
         .first()
-        .ok_or("usage: direct SCENE [spp] [threads] [out.pfm]")?;
+        .ok_or("usage: direct SCENE [spp] [threads] [out.pfm] [seed]")?;
     let spp: u32 = args.get(1).map_or(Ok(16), |s| s.parse())?;
     let threads: usize = args.get(2).map_or(Ok(2), |s| s.parse())?;
     let begin = Instant::now();
@@ -25,7 +25,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     let loaded = begin.elapsed();
     let settings = PrepareSettings {
-        seed: 0,
+        seed: args.get(4).map_or(Ok(0), |s| s.parse())?,
         frame: 0,
         clamp_indirect: None,
         threads,

@@ -7,6 +7,7 @@
 #![allow(unsafe_code)]
 
 use super::kernel;
+use crate::light::cluster;
 
 /// N lanes of f32.
 pub trait Lanes<const N: usize>: Copy {
@@ -32,6 +33,10 @@ pub trait Lanes<const N: usize>: Copy {
     fn le(self, b: Self) -> u32;
     /// Sign bit cleared.
     fn abs(self) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// self <= b ? yes : no
+    fn select_le(self, b: Self, yes: Self, no: Self) -> Self;
 }
 
 /// A choice of instructions.
@@ -94,6 +99,14 @@ impl<const N: usize> Lanes<N> for [f32; N] {
     #[inline(always)]
     fn abs(self) -> Self {
         self.map(f32::abs)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        self.map(f32::sqrt)
+    }
+    #[inline(always)]
+    fn select_le(self, b: Self, yes: Self, no: Self) -> Self {
+        std::array::from_fn(|i| if self[i] <= b[i] { yes[i] } else { no[i] })
     }
 }
 
@@ -229,6 +242,22 @@ mod x86 {
             // SAFETY: see the head of the module.
             X4(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
         }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            // SAFETY: see the head of the module.
+            X4(unsafe { _mm_sqrt_ps(self.0) })
+        }
+        #[inline(always)]
+        fn select_le(self, b: Self, yes: Self, no: Self) -> Self {
+            // SAFETY: see the head of the module.
+            unsafe {
+                let mask = _mm_cmple_ps(self.0, b.0);
+                X4(_mm_or_ps(
+                    _mm_and_ps(mask, yes.0),
+                    _mm_andnot_ps(mask, no.0),
+                ))
+            }
+        }
     }
 
     /// Two halves of four lanes.
@@ -287,6 +316,17 @@ mod x86 {
         #[inline(always)]
         fn abs(self) -> Self {
             X44(self.0.abs(), self.1.abs())
+        }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            X44(self.0.sqrt(), self.1.sqrt())
+        }
+        #[inline(always)]
+        fn select_le(self, b: Self, yes: Self, no: Self) -> Self {
+            X44(
+                self.0.select_le(b.0, yes.0, no.0),
+                self.1.select_le(b.1, yes.1, no.1),
+            )
         }
     }
 
@@ -350,6 +390,19 @@ mod x86 {
             // SAFETY: see the head of the module.
             X8(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
         }
+        #[inline(always)]
+        fn sqrt(self) -> Self {
+            // SAFETY: see the head of the module.
+            X8(unsafe { _mm256_sqrt_ps(self.0) })
+        }
+        #[inline(always)]
+        fn select_le(self, b: Self, yes: Self, no: Self) -> Self {
+            // SAFETY: see the head of the module.
+            unsafe {
+                let mask = _mm256_cmp_ps::<_CMP_LE_OQ>(self.0, b.0);
+                X8(_mm256_blendv_ps(no.0, yes.0, mask))
+            }
+        }
     }
 
     /// Four and four lanes.
@@ -371,18 +424,18 @@ mod x86 {
 
 /// Makes an entry point for each level out of a generic kernel and picks one.
 macro_rules! entry {
-    ($(#[$doc:meta])* $name:ident, $kernel:ident, ($($arg:ident : $type:ty),*) -> $ret:ty) => {
+    ($(#[$doc:meta])* $name:ident, $module:ident :: $kernel:ident, ($($arg:ident : $type:ty),*) -> $ret:ty) => {
         $(#[$doc])*
         #[inline]
         pub fn $name(level: SimdLevel, $($arg: $type),*) -> $ret {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]
-                fn avx2($($arg: $type),*) -> $ret { kernel::$kernel::<x86::Avx>($($arg),*) }
+                fn avx2($($arg: $type),*) -> $ret { $module::$kernel::<x86::Avx>($($arg),*) }
                 #[target_feature(enable = "avx2,avx512f,avx512vl")]
-                fn avx512($($arg: $type),*) -> $ret { kernel::$kernel::<x86::Avx>($($arg),*) }
+                fn avx512($($arg: $type),*) -> $ret { $module::$kernel::<x86::Avx>($($arg),*) }
                 #[inline(never)]
-                fn sse2($($arg: $type),*) -> $ret { kernel::$kernel::<x86::Sse2>($($arg),*) }
+                fn sse2($($arg: $type),*) -> $ret { $module::$kernel::<x86::Sse2>($($arg),*) }
                 match level {
                     // SAFETY: `SimdLevel::available` has found the features on this processor.
                     SimdLevel::Avx512 => return unsafe { avx512($($arg),*) },
@@ -393,22 +446,27 @@ macro_rules! entry {
                 }
             }
             let _ = level;
-            kernel::$kernel::<Scalar>($($arg),*)
+            $module::$kernel::<Scalar>($($arg),*)
         }
     };
 }
 
 entry! {
     /// Numbers of a scattering event; see [`crate::sampler`].
-    four_pairs, four_pairs, (reversed: u32, key: u64) -> [glam::Vec2; 4]
+    four_pairs, kernel::four_pairs, (reversed: u32, key: u64) -> [glam::Vec2; 4]
 }
 entry! {
     /// Closest hit; see [`kernel::closest`].
-    closest, closest, (geometry: &super::Geometry, ray: &crate::ray::Ray, hit: &mut crate::ray::Hit) -> ()
+    closest, kernel::closest, (geometry: &super::Geometry, ray: &crate::ray::Ray, hit: &mut crate::ray::Hit) -> ()
 }
 entry! {
     /// Any hit; see [`kernel::occluded`].
-    occluded, occluded, (geometry: &super::Geometry, ray: &crate::ray::Ray) -> bool
+    occluded, kernel::occluded, (geometry: &super::Geometry, ray: &crate::ray::Ray) -> bool
+}
+
+entry! {
+    /// Bounds on what eight clusters of lights can send; see [`cluster::importances`].
+    importances, cluster::importances, (cluster: &cluster::Cluster, p: glam::Vec3, n: glam::Vec3) -> [f32; 8]
 }
 
 /// Nodes that a traversal still has to visit, with the distance at which a ray enters them. The

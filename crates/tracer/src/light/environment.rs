@@ -1,9 +1,13 @@
-//! Light from all around: a constant, or a picture sampled in proportion to its brightness.
+//! Light from all around: a constant, or a picture.
+//!
+//! Directions are drawn where the light is brighter than its mean, in proportion to the excess, and
+//! scattering alone finds the rest [Karlik19]: under multiple importance sampling a density that
+//! covers what the other strategy does well anyway is wasted. A constant sky is not sampled at all.
 
 use super::octahedral;
 use crate::geometry::transform::Affine;
 use crate::math::{self, Rgb};
-use crate::sampling::{self, Piecewise2d};
+use crate::sampling::Piecewise2d;
 use crate::texture::image::Image;
 use glam::{Vec2, Vec3};
 use scene::model::{SphereMapping, Wrap};
@@ -23,7 +27,8 @@ pub struct Environment {
 struct Picture {
     image: usize,
     mapping: SphereMapping,
-    distribution: Piecewise2d,
+    /// None where no pixel exceeds the mean.
+    distribution: Option<Piecewise2d>,
     mean: Rgb,
 }
 
@@ -45,7 +50,8 @@ impl Environment {
             let (w, h) = (picture.width as usize, picture.height as usize);
             let mut values = Vec::with_capacity(w * h);
             let mut mean = [0.0f64; 3];
-            let mut total = 0.0f64;
+            let (mut total, mut bright) = (0.0f64, 0.0f64);
+            let mut areas = Vec::with_capacity(h);
             for y in 0..h {
                 // Solid angle of a row's pixels.
                 let area = match mapping {
@@ -54,6 +60,7 @@ impl Environment {
                     }
                     SphereMapping::OctahedralEqualArea => 1.0,
                 };
+                areas.push(area);
                 for x in 0..w {
                     // What a lookup in the pixel can return: for filtered pictures its neighbours too.
                     let texel = match mapping {
@@ -68,7 +75,8 @@ impl Environment {
                         }
                     };
                     let value = (texel * radiance).max_element().max(0.0);
-                    values.push((value as f64 * area) as f32);
+                    values.push(value);
+                    bright += value as f64 * area;
                     for (sum, c) in mean.iter_mut().zip(texel.to_array()) {
                         *sum += c as f64 * area;
                     }
@@ -76,10 +84,21 @@ impl Environment {
                 }
             }
             let mean = Rgb::from_array(mean.map(|c| (c / total) as f32));
+            let level = bright / total;
+            let mut excess = 0.0;
+            for (row, area) in values.chunks_exact_mut(w).zip(areas) {
+                for value in row {
+                    let more = (*value as f64 - level).max(0.0) * area;
+                    excess += more;
+                    *value = more as f32;
+                }
+            }
+            // Less than rounding leaves: the picture is one colour.
+            let distribution = (excess > 1e-4 * bright).then(|| Piecewise2d::new(&values, w, h));
             Picture {
                 image: index,
                 mapping,
-                distribution: Piecewise2d::new(&values, w, h),
+                distribution,
                 mean,
             }
         });
@@ -109,16 +128,17 @@ impl Environment {
         self.radiance * look(&images[picture.image], picture.mapping, uv)
     }
 
+    /// Whether directions are drawn from it: not where it is the same all around.
+    pub fn is_sampled(&self) -> bool {
+        self.picture
+            .as_ref()
+            .is_some_and(|p| p.distribution.is_some())
+    }
+
     /// A direction, the radiance from there and its density per solid angle.
     pub fn sample(&self, images: &[Image], u: Vec2) -> Option<(Vec3, Rgb, f32)> {
-        let Some(picture) = &self.picture else {
-            return Some((
-                sampling::uniform_sphere(u),
-                self.radiance,
-                sampling::uniform_sphere_pdf(),
-            ));
-        };
-        let (uv, pdf) = picture.distribution.sample(u);
+        let picture = self.picture.as_ref()?;
+        let (uv, pdf) = picture.distribution.as_ref()?.sample(u);
         let (w, jacobian) = match picture.mapping {
             SphereMapping::OctahedralEqualArea => (octahedral::to_sphere(uv), 0.25 / math::PI),
             SphereMapping::LatLong => {
@@ -142,7 +162,10 @@ impl Environment {
     /// Density of [`Environment::sample`] per solid angle.
     pub fn pdf(&self, direction: Vec3) -> f32 {
         let Some(picture) = &self.picture else {
-            return sampling::uniform_sphere_pdf();
+            return 0.0;
+        };
+        let Some(distribution) = &picture.distribution else {
+            return 0.0;
         };
         let w = math::normalize(self.from_world.vector(direction));
         let uv = square(picture.mapping, w);
@@ -150,7 +173,7 @@ impl Environment {
             SphereMapping::OctahedralEqualArea => 0.25 / math::PI,
             SphereMapping::LatLong => latlong_jacobian(math::safe_sqrt(1.0 - w.y * w.y)),
         };
-        let pdf = picture.distribution.pdf(uv) * jacobian;
+        let pdf = distribution.pdf(uv) * jacobian;
         if pdf < f32::INFINITY { pdf } else { 0.0 }
     }
 }

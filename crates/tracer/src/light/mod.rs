@@ -1,12 +1,14 @@
 //! Lights: choosing one, sampling a point or direction of it, and the density of that choice.
 
 mod area;
+pub(crate) mod cluster;
 pub mod environment;
 pub mod octahedral;
 mod tree;
 
 pub use area::{AreaLight, AreaShape, Emission};
 
+use crate::accel::SimdLevel;
 use crate::geometry::Interaction;
 use crate::math::Rgb;
 use crate::texture::Textures;
@@ -77,7 +79,7 @@ pub struct Lights {
     pub light_of: Vec<u32>,
     /// What shining surfaces give off.
     pub emissions: Vec<Emission>,
-    /// Those at infinity, each with the same share of the choice.
+    /// Those at infinity that are sampled, each with the same share of the choice.
     infinite: Vec<u32>,
     /// The others, which share what is left.
     tree: Option<LightTree>,
@@ -94,6 +96,7 @@ impl Lights {
         light_of: Vec<u32>,
         emissions: Vec<Emission>,
         textures: &Textures,
+        level: SimdLevel,
     ) -> Self {
         let mut infinite = vec![];
         let mut finite = vec![];
@@ -101,7 +104,7 @@ impl Lights {
             match light.bounds(&emissions, textures) {
                 Some(bounds) if bounds.strength > 0.0 => finite.push((i as u32, bounds)),
                 Some(_) => {}
-                None if light.is_dark() => {}
+                None if light.is_dark() || light.is_found_by_scattering() => {}
                 None => infinite.push(i as u32),
             }
         }
@@ -111,7 +114,7 @@ impl Lights {
         for (_, bounds) in &mut finite {
             bounds.strength = bounds.strength.max(floor).min(f32::MAX);
         }
-        let tree = LightTree::new(&finite, lights.len());
+        let tree = LightTree::new(&finite, lights.len(), level);
         let shares = infinite.len() + tree.is_some() as usize;
         let environments = (0..lights.len() as u32)
             .filter(|i| matches!(lights[*i as usize], Light::Environment(_)))
@@ -177,6 +180,11 @@ impl Light {
             Light::Environment(e) => e.mean().max_element() <= 0.0,
             _ => false,
         }
+    }
+
+    /// A light at infinity that scattered rays meet often enough without any help.
+    fn is_found_by_scattering(&self) -> bool {
+        matches!(self, Light::Environment(e) if !e.is_sampled())
     }
 
     /// What the light tree needs to know; `None` for lights at infinity.

@@ -1,10 +1,12 @@
 //! Choosing among many lights: a binary tree whose nodes know where their lights are, how strong they
 //! are and where they shine. On the way down each child is taken in proportion to a bound on what it
-//! can send to the point in question [ConEstevez18], in the form of [Pbrt4, 12.6.3].
+//! can send to the point in question [ConEstevez18] (`cluster.rs`).
 //!
 //! Strength is peak intensity instead of power, so that a lamp that shines one way competes fairly
 //! with one that shines all around.
 
+use super::cluster::Cluster;
+use crate::accel::simd::{self, SimdLevel};
 use glam::Vec3;
 
 /// What is known of a light or of all lights below a node.
@@ -34,59 +36,90 @@ struct Node {
     is_leaf: bool,
 }
 
-/// The tree.
-pub struct LightTree {
-    nodes: Vec<Node>,
-    /// For each light: the turns from the root to its leaf, lowest bit first (1 is right); `u64::MAX`
-    /// for a light that is not in the tree.
-    trails: Vec<u64>,
+/// Three levels of the binary tree in one, so that the bounds of a level are computed side by side.
+#[derive(Clone, Debug)]
+struct Wide {
+    /// Lanes 0 and 1: the children; lanes 2 to 5: theirs.
+    upper: Cluster,
+    /// The third level.
+    lower: Cluster,
+    /// The third level holds more than what the second has already.
+    is_deep: bool,
+    /// By the turns of the three levels, first turn highest: a node, or a light with [`LEAF`] set. What
+    /// ends above the third level turns left from there on.
+    words: [u32; 8],
 }
 
-/// A tree is at most this deep, so that a trail fits.
+/// Marks a light in a node's words.
+const LEAF: u32 = 1 << 31;
+
+/// The tree.
+pub struct LightTree {
+    /// Empty if there is only one light.
+    nodes: Vec<Wide>,
+    /// For each light: the turns from the root to its leaf, lowest bit first (1 is right), three for
+    /// each node; `u64::MAX` for a light that is not in the tree.
+    trails: Vec<u64>,
+    /// The light of a tree of one.
+    only: u32,
+    level: SimdLevel,
+}
+
+/// The binary tree is at most this deep, so that a trail fits.
 const DEPTH_MAX: u32 = 60;
 /// Cells along an axis that splits are tried between.
 const BUCKETS: usize = 12;
 
 impl LightTree {
     /// Over lights given with their indices; `count` is that of all lights. `None` if there is none.
-    pub fn new(lights: &[(u32, LightBounds)], count: usize) -> Option<LightTree> {
-        if lights.is_empty() {
-            return None;
-        }
+    pub fn new(lights: &[(u32, LightBounds)], count: usize, level: SimdLevel) -> Option<LightTree> {
+        let only = lights.first()?.0;
         let mut tree = LightTree {
             nodes: vec![],
             trails: vec![u64::MAX; count],
+            only,
+            level,
         };
-        let mut lights = lights.to_vec();
-        let blank = Node {
-            bounds: lights[0].1,
-            first: 0,
-            is_leaf: true,
-        };
-        tree.nodes.push(blank);
-        let mut todo = vec![(0usize, 0usize, lights.len(), 0u64, 0u32)];
-        while let Some((at, from, to, trail, depth)) = todo.pop() {
-            let part = &mut lights[from..to];
-            let bounds = part[1..].iter().fold(part[0].1, |b, l| union(&b, &l.1));
-            if part.len() == 1 {
-                tree.trails[part[0].0 as usize] = trail;
-                tree.nodes[at] = Node {
-                    bounds,
-                    first: part[0].0,
-                    is_leaf: true,
-                };
-                continue;
+        if lights.len() == 1 {
+            tree.trails[only as usize] = 0;
+            return Some(tree);
+        }
+        let binary = binary(lights);
+        // Node of the binary tree, the place that waits for it, its trail and the length of that.
+        let mut todo = vec![(0u32, None, 0u64, 0u32)];
+        while let Some((root, place, trail, length)) = todo.pop() {
+            let at = tree.nodes.len() as u32;
+            if let Some((node, lane)) = place {
+                let above: &mut Wide = &mut tree.nodes[node];
+                above.words[lane] = at;
             }
-            let middle = from + split(part, &bounds, depth);
-            let left = tree.nodes.len();
-            tree.nodes.extend([blank, blank]);
-            tree.nodes[at] = Node {
-                bounds,
-                first: left as u32,
-                is_leaf: false,
-            };
-            todo.push((left, from, middle, trail, depth + 1));
-            todo.push((left + 1, middle, to, trail | 1 << depth, depth + 1));
+            let one: [_; 2] = children(&binary, [Some(root)]);
+            let two: [_; 4] = children(&binary, one);
+            let three: [_; 8] = children(&binary, two);
+            let mut words = [LEAF; 8];
+            for (turns, child) in three.into_iter().enumerate() {
+                let Some(child) = child else { continue };
+                // The first turn is the highest bit of the place, but the lowest of the trail.
+                let turned = [0, 4, 2, 6, 1, 5, 3, 7][turns];
+                let (trail, length) = (trail | turned << length, length + 3);
+                let node = &binary[child as usize];
+                if node.is_leaf {
+                    words[turns] = node.first | LEAF;
+                    tree.trails[node.first as usize] = trail;
+                } else {
+                    todo.push((child, Some((at as usize, turns)), trail, length));
+                }
+            }
+            let bounds = |i: Option<u32>| i.map(|i| binary[i as usize].bounds);
+            tree.nodes.push(Wide {
+                upper: Cluster::new(one.into_iter().chain(two).map(bounds)),
+                lower: Cluster::new(three.into_iter().map(bounds)),
+                is_deep: two
+                    .into_iter()
+                    .flatten()
+                    .any(|i| !binary[i as usize].is_leaf),
+                words,
+            });
         }
         Some(tree)
     }
@@ -94,30 +127,25 @@ impl LightTree {
     /// A light and its probability, for a point with a normal; `None` if no light reaches it.
     #[inline]
     pub fn sample(&self, p: Vec3, n: Vec3, mut u: f32) -> Option<(u32, f32)> {
-        let mut node = &self.nodes[0];
-        let mut pmf = 1.0;
-        while !node.is_leaf {
-            let (left, right) = (
-                &self.nodes[node.first as usize],
-                &self.nodes[node.first as usize + 1],
-            );
-            let (a, b) = (left.bounds.importance(p, n), right.bounds.importance(p, n));
-            let sum = a + b;
-            if sum.is_nan() || sum <= 0.0 {
-                return None;
-            }
-            let share = a / sum;
-            if u < share {
-                u = (u / share).min(crate::math::ONE_MINUS_EPSILON);
-                pmf *= share;
-                node = left;
-            } else {
-                u = ((u - share) / (1.0 - share)).min(crate::math::ONE_MINUS_EPSILON);
-                pmf *= 1.0 - share;
-                node = right;
-            }
+        if self.nodes.is_empty() {
+            return Some((self.only, 1.0));
         }
-        (pmf > 0.0).then_some((node.first, pmf))
+        let mut pmf = 1.0;
+        let mut word = 0;
+        while word & LEAF == 0 {
+            let node = &self.nodes[word as usize];
+            let upper = simd::importances(self.level, &node.upper, p, n);
+            let one = turn(upper[0], upper[1], &mut u, &mut pmf)?;
+            let two = one * 2 + turn(upper[2 + one * 2], upper[3 + one * 2], &mut u, &mut pmf)?;
+            let three = if node.is_deep {
+                let lower = simd::importances(self.level, &node.lower, p, n);
+                two * 2 + turn(lower[two * 2], lower[two * 2 + 1], &mut u, &mut pmf)?
+            } else {
+                two * 2
+            };
+            word = node.words[three];
+        }
+        (pmf > 0.0).then_some((word & !LEAF, pmf))
     }
 
     /// Probability that [`LightTree::sample`] gives a light.
@@ -127,78 +155,112 @@ impl LightTree {
         if trail == u64::MAX {
             return 0.0;
         }
-        let mut node = &self.nodes[0];
+        if self.nodes.is_empty() {
+            return 1.0;
+        }
         let mut pmf = 1.0;
-        while !node.is_leaf {
-            let (left, right) = (
-                &self.nodes[node.first as usize],
-                &self.nodes[node.first as usize + 1],
-            );
-            let (a, b) = (left.bounds.importance(p, n), right.bounds.importance(p, n));
-            let sum = a + b;
-            if sum.is_nan() || sum <= 0.0 {
+        let mut word = 0;
+        while word & LEAF == 0 {
+            let node = &self.nodes[word as usize];
+            let upper = simd::importances(self.level, &node.upper, p, n);
+            let one = (trail & 1) as usize;
+            let two = one * 2 + (trail >> 1 & 1) as usize;
+            let three = two * 2 + (trail >> 2 & 1) as usize;
+            pmf *= share(upper[0], upper[1], one == 1);
+            pmf *= share(upper[2 + one * 2], upper[3 + one * 2], two & 1 == 1);
+            if node.is_deep {
+                let lower = simd::importances(self.level, &node.lower, p, n);
+                pmf *= share(lower[two * 2], lower[two * 2 + 1], three & 1 == 1);
+            }
+            if pmf <= 0.0 {
                 return 0.0;
             }
-            let share = a / sum;
-            if trail & 1 == 0 {
-                pmf *= share;
-                node = left;
-            } else {
-                pmf *= 1.0 - share;
-                node = right;
-            }
-            trail >>= 1;
+            trail >>= 3;
+            word = node.words[three];
         }
         pmf
     }
 }
 
-impl LightBounds {
-    /// Bound on what the lights can send to a point with a normal, up to a factor.
-    #[inline]
-    fn importance(&self, p: Vec3, n: Vec3) -> f32 {
-        let center = (self.min + self.max) * 0.5;
-        let half = self.max - center;
-        let radius2 = half.dot(half);
-        let d = p - center;
-        let distance2 = d.dot(d);
-        // Inside the sphere around the box every direction is possible.
-        let inv = 1.0 / distance2.max(1e-30).sqrt();
-        let wi = d * inv;
-        let cos_box = if distance2 <= radius2 {
-            -1.0
-        } else {
-            (1.0 - radius2 / distance2).max(0.0).sqrt()
-        };
-        let sin_box = (1.0 - cos_box * cos_box).max(0.0).sqrt();
-        let mut cos_axis = self.axis.dot(wi);
-        if self.two_sided {
-            cos_axis = cos_axis.abs();
-        }
-        // Angle to the nearest normal, as seen from the nearest point of the box.
-        let sin_axis = (1.0 - cos_axis * cos_axis).max(0.0).sqrt();
-        let sin_normals = (1.0 - self.cos_normals * self.cos_normals).max(0.0).sqrt();
-        let (cos_x, sin_x) = subtract(cos_axis, sin_axis, self.cos_normals, sin_normals);
-        let (cos_out, _) = subtract(cos_x, sin_x, cos_box, sin_box);
-        if cos_out <= self.cos_emission {
-            return 0.0;
-        }
-        let cos_in = wi.dot(n).abs();
-        let sin_in = (1.0 - cos_in * cos_in).max(0.0).sqrt();
-        let (cos_in, _) = subtract(cos_in, sin_in, cos_box, sin_box);
-        // Lights close to the point must not make the bound infinite.
-        let falloff = distance2.max(radius2.sqrt());
-        (self.strength * cos_out * cos_in / falloff.max(1e-30)).max(0.0)
+/// Turns left (0) or right (1) in proportion to two bounds; `None` where both are zero.
+#[inline(always)]
+fn turn(a: f32, b: f32, u: &mut f32, pmf: &mut f32) -> Option<usize> {
+    let sum = a + b;
+    if sum.is_nan() || sum <= 0.0 {
+        return None;
+    }
+    let share = a / sum;
+    if *u < share {
+        *u = (*u / share).min(crate::math::ONE_MINUS_EPSILON);
+        *pmf *= share;
+        Some(0)
+    } else {
+        *u = ((*u - share) / (1.0 - share)).min(crate::math::ONE_MINUS_EPSILON);
+        *pmf *= 1.0 - share;
+        Some(1)
     }
 }
 
-/// Cosine and sine of max(0, a - b).
+/// Probability of a turn of [`turn`].
 #[inline(always)]
-fn subtract(cos_a: f32, sin_a: f32, cos_b: f32, sin_b: f32) -> (f32, f32) {
-    if cos_a > cos_b {
-        return (1.0, 0.0);
+fn share(a: f32, b: f32, right: bool) -> f32 {
+    let sum = a + b;
+    if sum.is_nan() || sum <= 0.0 {
+        return 0.0;
     }
-    (cos_a * cos_b + sin_a * sin_b, sin_a * cos_b - cos_a * sin_b)
+    let share = a / sum;
+    if right { 1.0 - share } else { share }
+}
+
+/// Children of a level: those of inner nodes, a leaf itself and nothing.
+fn children<const N: usize, const M: usize>(
+    binary: &[Node],
+    level: [Option<u32>; N],
+) -> [Option<u32>; M] {
+    std::array::from_fn(|i| {
+        let above = level[i / 2]?;
+        let node = &binary[above as usize];
+        if node.is_leaf {
+            (i % 2 == 0).then_some(above)
+        } else {
+            Some(node.first + (i % 2) as u32)
+        }
+    })
+}
+
+/// The binary tree; node 0 is the root.
+fn binary(lights: &[(u32, LightBounds)]) -> Vec<Node> {
+    let mut lights = lights.to_vec();
+    let blank = Node {
+        bounds: lights[0].1,
+        first: 0,
+        is_leaf: true,
+    };
+    let mut nodes = vec![blank];
+    let mut todo = vec![(0usize, 0usize, lights.len(), 0u32)];
+    while let Some((at, from, to, depth)) = todo.pop() {
+        let part = &mut lights[from..to];
+        let bounds = part[1..].iter().fold(part[0].1, |b, l| union(&b, &l.1));
+        if part.len() == 1 {
+            nodes[at] = Node {
+                bounds,
+                first: part[0].0,
+                is_leaf: true,
+            };
+            continue;
+        }
+        let middle = from + split(part, &bounds, depth);
+        let left = nodes.len();
+        nodes.extend([blank, blank]);
+        nodes[at] = Node {
+            bounds,
+            first: left as u32,
+            is_leaf: false,
+        };
+        todo.push((left, from, middle, depth + 1));
+        todo.push((left + 1, middle, to, depth + 1));
+    }
+    nodes
 }
 
 /// Around both.
@@ -356,7 +418,7 @@ mod tests {
         let mut rng = StdRng::seed_from_u64(5);
         for count in [1, 2, 3, 17, 400] {
             let lights = random(&mut rng, count);
-            let tree = LightTree::new(&lights, count).expect("there are lights");
+            let tree = LightTree::new(&lights, count, crate::simd()).expect("there are lights");
             for _ in 0..8 {
                 let p = Vec3::new(
                     rng.random_range(-20.0..20.0),
@@ -398,7 +460,7 @@ mod tests {
     fn what_can_reach_a_point_can_be_chosen() {
         let mut rng = StdRng::seed_from_u64(6);
         let lights = random(&mut rng, 300);
-        let tree = LightTree::new(&lights, 300).expect("there are lights");
+        let tree = LightTree::new(&lights, 300, crate::simd()).expect("there are lights");
         for _ in 0..200 {
             let p = Vec3::new(
                 rng.random_range(-20.0..20.0),
@@ -411,7 +473,12 @@ mod tests {
                 rng.random_range(-1.0..1.0),
             ));
             for (i, l) in &lights {
-                let own = l.importance(p, n);
+                let own = simd::importances(
+                    SimdLevel::Scalar,
+                    &Cluster::new([Some(*l)].into_iter()),
+                    p,
+                    n,
+                )[0];
                 if own > 1e-4 * l.strength {
                     assert!(
                         tree.pmf(p, n, *i) > 0.0,

@@ -78,7 +78,7 @@ fn compile(
         lights.push(convert(light, &textures.images));
     }
     let emissions = placed.emissions;
-    let lights = Lights::new(lights, light_of, emissions, &textures);
+    let lights = Lights::new(lights, light_of, emissions, &textures, crate::simd());
     let has_alpha = surfaces.iter().any(|s| s.alpha.is_some());
     let geometry = Geometry {
         level: SimdLevel::Scalar,

@@ -1,12 +1,16 @@
 //! Samplers: the numbers of a sample as a pure function of (seed, frame, pixel, sample index,
 //! dimension). No state is kept or sent; the index has no end but 2^32 and no total is needed.
 
+mod lattice;
 pub(crate) mod sobol;
 
 use crate::accel::simd::{self, SimdLevel};
 use crate::hash;
 use glam::Vec2;
 use scene::model::SamplerKind;
+
+/// Pairs that the camera and each scattering event take.
+const DIMENSIONS_OF_EVENT: u32 = 4;
 
 /// The numbers of one camera sample, handed out dimension by dimension.
 #[derive(Clone, Copy, Debug)]
@@ -65,7 +69,8 @@ impl Sampler {
         self.dimension += 1;
         let key = hash::mix(self.key ^ (dimension as u64) << 32);
         match self.kind {
-            SamplerKind::OwenSobol => sobol::pair(self.reversed, key),
+            // Single pairs beside the lattice are rare (debug views).
+            SamplerKind::Lattice | SamplerKind::OwenSobol => sobol::pair(self.reversed, key),
             SamplerKind::Stratified => stratified(self.index, key),
             SamplerKind::Independent => {
                 let bits = hash::mix(key ^ self.index as u64);
@@ -78,8 +83,7 @@ impl Sampler {
     #[inline]
     fn next_four(&mut self, level: SimdLevel) -> [Vec2; 4] {
         if self.kind == SamplerKind::OwenSobol {
-            let key = hash::mix(self.key ^ (self.dimension as u64) << 32);
-            self.dimension += 4;
+            let key = self.event_key();
             simd::four_pairs(level, self.reversed, key)
         } else {
             [
@@ -91,9 +95,21 @@ impl Sampler {
         }
     }
 
+    /// Key of an event, past which the dimensions move on.
+    #[inline(always)]
+    fn event_key(&mut self) -> u64 {
+        let key = hash::mix(self.key ^ (self.dimension as u64) << 32);
+        self.dimension += DIMENSIONS_OF_EVENT;
+        key
+    }
+
     /// All numbers for a camera ray: point of the pixel's neighbourhood, point of the lens, moment.
     #[inline]
     pub fn camera(&mut self, level: SimdLevel) -> (Vec2, Vec2, f32) {
+        if self.kind == SamplerKind::Lattice {
+            let [fx, fy, lx, ly, time] = lattice::camera(self.reversed, self.event_key());
+            return (Vec2::new(fx, fy), Vec2::new(lx, ly), time);
+        }
         let [film, lens, time, _] = self.next_four(level);
         (film, lens, time.x)
     }
@@ -101,6 +117,20 @@ impl Sampler {
     /// All numbers for a scattering event.
     #[inline]
     pub fn bounce(&mut self, level: SimdLevel) -> BounceNumbers {
+        if self.kind == SamplerKind::Lattice {
+            let joint = self.dimension <= DIMENSIONS_OF_EVENT;
+            let key = self.event_key();
+            let [lx, ly, bx, by, light_choice, lobe, roulette, mix] =
+                lattice::event(self.reversed, key, joint);
+            return BounceNumbers {
+                light: Vec2::new(lx, ly),
+                bsdf: Vec2::new(bx, by),
+                light_choice,
+                lobe,
+                roulette,
+                mix,
+            };
+        }
         let [light, bsdf, a, b] = self.next_four(level);
         BounceNumbers {
             light,

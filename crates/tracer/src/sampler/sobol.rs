@@ -77,7 +77,7 @@ fn reverse_lanes<const N: usize>(x: &mut [u32; N]) {
 
 /// Scrambles a number whose bits are reversed: each bit is flipped depending on the bits below it.
 #[inline(always)]
-fn owen(x: u32, key: u32) -> u32 {
+pub(super) fn owen(x: u32, key: u32) -> u32 {
     let mut x = x;
     x ^= x.wrapping_mul(0x3D20_ADEA);
     x = x.wrapping_add(key);

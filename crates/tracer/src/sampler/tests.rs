@@ -1,5 +1,5 @@
 use super::*;
-use scene::model::SamplerKind::{Independent, OwenSobol, Stratified};
+use scene::model::SamplerKind::{Independent, Lattice, OwenSobol, Stratified};
 
 fn points(kind: SamplerKind, count: u32, dimension: u32, pixel: [u32; 2]) -> Vec<Vec2> {
     (0..count)
@@ -55,7 +55,7 @@ fn stratified_blocks_fill_every_cell() {
 /// Mean and correlation of each sampler over many pixels are those of uniform numbers.
 #[test]
 fn numbers_are_uniform_and_uncorrelated() {
-    for kind in [OwenSobol, Stratified, Independent] {
+    for kind in [Lattice, OwenSobol, Stratified, Independent] {
         let (mut sum, mut product, mut cross, mut n) = (Vec2::ZERO, 0.0f64, 0.0f64, 0.0f64);
         for pixel in 0..4096u32 {
             let mut s = Sampler::start(kind, 1, 0, [pixel % 64, pixel / 64], pixel % 7);
@@ -126,6 +126,91 @@ fn four_pairs_are_nets_at_every_level() {
                     );
                 }
             }
+        }
+    }
+}
+
+/// The numbers of the camera and of `events` scattering events, in order.
+fn numbers(kind: SamplerKind, pixel: [u32; 2], index: u32, events: usize) -> Vec<f32> {
+    let level = SimdLevel::Scalar;
+    let mut s = Sampler::start(kind, 7, 0, pixel, index);
+    let (film, lens, time) = s.camera(level);
+    let mut all = vec![film.x, film.y, lens.x, lens.y, time];
+    for _ in 0..events {
+        let b = s.bounce(level);
+        all.extend([b.light.x, b.light.y, b.bsdf.x, b.bsdf.y]);
+        all.extend([b.light_choice, b.lobe, b.roulette, b.mix]);
+    }
+    all
+}
+
+/// Each dimension of an aligned block of 2^m points has one point in each of 2^m equal parts (but for
+/// the shift): what extends a picture fills the gaps of what is there.
+#[test]
+fn blocks_of_the_lattice_are_evenly_spaced() {
+    for m in [3u32, 6, 9] {
+        let n = 1usize << m;
+        let all: Vec<Vec<f32>> = (0..2 * n as u32)
+            .map(|i| numbers(Lattice, [3, 9], i, 3))
+            .collect();
+        for block in all.chunks(n) {
+            for dimension in 0..all[0].len() {
+                let mut x: Vec<f32> = block.iter().map(|p| p[dimension]).collect();
+                x.sort_by(f32::total_cmp);
+                for (i, pair) in x.windows(2).enumerate() {
+                    let gap = (pair[1] - pair[0]) * n as f32;
+                    assert!(
+                        (gap - 1.0).abs() < 1e-3,
+                        "m {m}, dimension {dimension}, gap {i}: {gap}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// The figure that the generating vector was searched by: P2 of the two coordinates of each decision,
+/// times N^2, stays small at every power of two (a bad vector gives hundreds; N ln N / N^2 falls
+/// almost as fast as the best possible).
+#[test]
+fn pairs_of_the_lattice_are_well_spread() {
+    let b2 = |x: f64| x * x - x + 1.0 / 6.0;
+    let omega = |x: f64| 1.0 + 2.0 * std::f64::consts::PI.powi(2) * b2(x);
+    for (a, b) in [(0, 1), (2, 3), (5, 6), (7, 8)] {
+        for m in 2..=12 {
+            let n = 1u64 << m;
+            let coordinate =
+                |k: u64, d: usize| (k * lattice::VECTOR[d] as u64 % n) as f64 / n as f64;
+            let sum: f64 = (0..n)
+                .map(|k| omega(coordinate(k, a)) * omega(coordinate(k, b)))
+                .sum();
+            let p2 = sum / n as f64 - 1.0;
+            let scaled = p2 * (n * n) as f64 / (m * m) as f64;
+            assert!(scaled < 20.0, "dimensions {a}, {b}, m {m}: {scaled:.2}");
+        }
+    }
+}
+
+/// All numbers of the lattice are uniform and, over pixels, uncorrelated with each other.
+#[test]
+fn lattice_dimensions_are_independent_over_pixels() {
+    const PIXELS: u32 = 4096;
+    let all: Vec<Vec<f32>> = (0..PIXELS)
+        .map(|p| numbers(Lattice, [p % 64, p / 64], p % 5, 2))
+        .collect();
+    let sigma = 1.0 / 12.0 / f64::from(PIXELS).sqrt();
+    for i in 0..all[0].len() {
+        for j in 0..=i {
+            let mean = all
+                .iter()
+                .map(|x| (f64::from(x[i]) - 0.5) * (f64::from(x[j]) - 0.5))
+                .sum::<f64>()
+                / f64::from(PIXELS);
+            let expected = if i == j { 1.0 / 12.0 } else { 0.0 };
+            assert!(
+                (mean - expected).abs() < 5.0 * sigma,
+                "dimensions {i}, {j}: {mean} in place of {expected}"
+            );
         }
     }
 }

@@ -33,7 +33,7 @@ pub fn blank(width: u32, height: u32) -> SceneDesc {
             max_component: None,
         },
         integrator: Integrator::Path { max_depth: 64 },
-        sampler: SamplerKind::OwenSobol,
+        sampler: SamplerKind::default(),
         spp: None,
         animation: None,
         meshes: vec![],

@@ -63,7 +63,7 @@ impl Importer<'_, '_> {
             let result = self.sampler(&sampler);
             self.checked(&sampler, "the sampler", result)
         }
-        .unwrap_or((SamplerKind::OwenSobol, 16));
+        .unwrap_or((SamplerKind::default(), 16));
         let integrator_desc = self.integrator(&integrator);
         let integrator_desc = self
             .checked(&integrator, "the integrator", integrator_desc)
@@ -392,7 +392,7 @@ impl Importer<'_, '_> {
                 (SamplerKind::Stratified, x * y)
             }
             kind if SAMPLERS.contains(&kind) => (
-                SamplerKind::OwenSobol,
+                SamplerKind::default(),
                 params.count("pixelsamples", 16, 1..=MAX_SPP)?,
             ),
             other => {

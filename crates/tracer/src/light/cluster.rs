@@ -1,0 +1,121 @@
+//! Eight clusters of lights side by side: bounds on what each can send to a point, in lanes.
+
+use super::tree::LightBounds;
+use crate::accel::simd::{Lanes, Simd};
+use glam::Vec3;
+
+/// What is known of eight clusters of lights.
+#[derive(Clone, Debug)]
+#[repr(C, align(64))]
+pub struct Cluster {
+    /// Centres of the boxes.
+    center: [[f32; 8]; 3],
+    /// Half diagonals of the boxes.
+    radius: [f32; 8],
+    /// Axes of the normals, unit length.
+    axis: [[f32; 8]; 3],
+    /// Largest angle between a normal and the axis.
+    cos_normals: [f32; 8],
+    sin_normals: [f32; 8],
+    /// Cosine of the largest angle from its normal at which a light shines.
+    cos_emission: [f32; 8],
+    /// -1 where both sides of the surfaces shine, else 1.
+    sided: [f32; 8],
+    /// Peak intensities, summed; 0 in an empty lane.
+    strength: [f32; 8],
+}
+
+impl Cluster {
+    /// Of up to eight clusters; an empty lane has the bound 0.
+    pub fn new(clusters: impl Iterator<Item = Option<LightBounds>>) -> Cluster {
+        let mut out = Cluster {
+            center: [[0.0; 8]; 3],
+            radius: [0.0; 8],
+            axis: [[0.0; 8], [0.0; 8], [1.0; 8]],
+            cos_normals: [1.0; 8],
+            sin_normals: [0.0; 8],
+            cos_emission: [1.0; 8],
+            sided: [1.0; 8],
+            strength: [0.0; 8],
+        };
+        for (lane, b) in clusters.take(8).enumerate() {
+            let Some(b) = b else { continue };
+            let center = (b.min + b.max) * 0.5;
+            for axis in 0..3 {
+                out.center[axis][lane] = center[axis];
+                out.axis[axis][lane] = b.axis[axis];
+            }
+            out.radius[lane] = crate::math::length(b.max - center);
+            out.cos_normals[lane] = b.cos_normals;
+            out.sin_normals[lane] = crate::math::safe_sqrt(1.0 - b.cos_normals * b.cos_normals);
+            out.cos_emission[lane] = b.cos_emission;
+            out.sided[lane] = if b.two_sided { -1.0 } else { 1.0 };
+            out.strength[lane] = b.strength;
+        }
+        out
+    }
+}
+
+/// For each cluster a bound on what its lights can send to a point with a normal, up to a common
+/// factor [ConEstevez18], in the form of [Pbrt4, 12.6.3].
+#[inline(always)]
+pub fn importances<S: Simd>(cluster: &Cluster, p: Vec3, n: Vec3) -> [f32; 8] {
+    let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
+    let load = |from: &[f32; 8]| S::F8::load(from);
+    let d = [0, 1, 2].map(|k| S::F8::splat(p[k]).sub(load(&cluster.center[k])));
+    let distance2 = dot::<S>(d, d).max(S::F8::splat(1e-30));
+    let distance = distance2.sqrt();
+    let inverse = one.div(distance);
+    let wi = d.map(|x| x.mul(inverse));
+    // The cone that the sphere around the box fills; inside of it every direction is possible.
+    let radius = load(&cluster.radius);
+    let sin = radius.mul(inverse);
+    let sin_box = distance.select_le(radius, zero, sin);
+    let cos_box = distance.select_le(radius, S::F8::splat(-1.0), cosine::<S>(sin));
+    // Angle to the nearest normal, as seen from the nearest point of the box.
+    let cos_axis = dot::<S>(wi, [0, 1, 2].map(|k| load(&cluster.axis[k])));
+    let cos_axis = zero.select_le(load(&cluster.sided), cos_axis, cos_axis.abs());
+    let sin_axis = cosine::<S>(cos_axis);
+    let (cos_x, sin_x) = subtract::<S>(
+        (cos_axis, sin_axis),
+        (load(&cluster.cos_normals), load(&cluster.sin_normals)),
+    );
+    let (cos_out, _) = subtract::<S>((cos_x, sin_x), (cos_box, sin_box));
+    let cos_in = dot::<S>(wi, [n.x, n.y, n.z].map(S::F8::splat)).abs();
+    let (cos_in, _) = subtract::<S>((cos_in, cosine::<S>(cos_in)), (cos_box, sin_box));
+    // Lights close to the point must not make the bound infinite.
+    let falloff = distance2.max(radius);
+    let bound = load(&cluster.strength)
+        .mul(cos_out)
+        .mul(cos_in)
+        .div(falloff);
+    cos_out
+        .select_le(load(&cluster.cos_emission), zero, bound)
+        .max(zero)
+        .store()
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: [S::F8; 3], b: [S::F8; 3]) -> S::F8 {
+    a[0].mul(b[0]).add(a[1].mul(b[1])).add(a[2].mul(b[2]))
+}
+
+/// The cosine to a sine, or the other way round.
+#[inline(always)]
+fn cosine<S: Simd>(sin: S::F8) -> S::F8 {
+    S::F8::splat(1.0)
+        .sub(sin.mul(sin))
+        .max(S::F8::splat(0.0))
+        .sqrt()
+}
+
+/// Cosine and sine of max(0, a - b), both given as (cosine, sine).
+#[inline(always)]
+fn subtract<S: Simd>(a: (S::F8, S::F8), b: (S::F8, S::F8)) -> (S::F8, S::F8) {
+    let cos = a.0.mul(b.0).add(a.1.mul(b.1));
+    let sin = a.1.mul(b.0).sub(a.0.mul(b.1));
+    (
+        a.0.select_le(b.0, cos, S::F8::splat(1.0)),
+        a.0.select_le(b.0, sin, S::F8::splat(0.0)),
+    )
+}
