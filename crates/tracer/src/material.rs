@@ -270,6 +270,7 @@ impl Material {
                 albedo(transmittance),
             )),
             BsdfDesc::Interface => return None,
+            BsdfDesc::Principled(_) | BsdfDesc::Hair { .. } => todo!("NEXT"),
             // Resolved before.
             BsdfDesc::Mix { .. } | BsdfDesc::TwoSided { .. } => return None,
         })

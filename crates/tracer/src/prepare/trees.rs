@@ -156,6 +156,7 @@ pub fn build(
                     mesh_jobs.len() as u32 - 1
                 }
                 Shape::Sphere { .. } | Shape::Disk { .. } => NONE,
+                Shape::Curves(_) => todo!("NEXT"),
             };
             let emission = match &p.emission {
                 None => NONE,
@@ -387,7 +388,9 @@ fn quadric(shape: &Shape, transform: DAffine3) -> (QuadricKind, DAffine3) {
             transform,
         ),
         // These have meshes and do not come here.
-        Shape::Mesh(_) | Shape::Rectangle => (QuadricKind::Sphere { radius: 0.0 }, transform),
+        Shape::Mesh(_) | Shape::Rectangle | Shape::Curves(_) => {
+            (QuadricKind::Sphere { radius: 0.0 }, transform)
+        }
     }
 }
 
