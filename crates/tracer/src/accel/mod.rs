@@ -68,6 +68,13 @@ impl Geometry {
         }
     }
 
+    /// The surface of a hit.
+    #[inline]
+    pub fn surface_of(&self, hit: &Hit) -> &Surface {
+        let at = self.tree(hit.instance).prims[hit.prim as usize];
+        &self.surfaces[at.surface as usize]
+    }
+
     /// A block with one deforming triangle as it is at a time.
     #[cold]
     pub fn deformed_block(&self, tree: &Tree, prim: u32, time: f32) -> TriBlock {

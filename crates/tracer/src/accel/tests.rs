@@ -37,6 +37,7 @@ fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
         ..Tree::default()
     };
     let surface = Surface {
+        media: None,
         mesh: 0,
         material: 0,
         alpha: None,

@@ -28,6 +28,7 @@ mod lafortune;
 mod mirror;
 mod oren_nayar;
 mod phong;
+mod principled;
 mod thin_dielectric;
 
 pub use coat::CoatTable;
@@ -43,6 +44,8 @@ pub use lafortune::{Lafortune, LobeParam};
 pub use mirror::Mirror;
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;
+pub(crate) use principled::lifted;
+pub use principled::{Curve, Facets, Principled, PrincipledParams, PrincipledTables};
 pub use thin_dielectric::ThinDielectric;
 
 use crate::math::Rgb;
@@ -107,6 +110,8 @@ pub enum Bsdf<'s> {
     CoatedConductor(CoatedConductor<'s>),
     /// Lambert on both sides.
     DiffuseTransmission(DiffuseTransmission),
+    /// Everyday surfaces: sheen, coat, metal, glass, translucent and opaque dielectric.
+    Principled(Principled<'s>),
     /// Nothing comes back.
     Black,
 }
@@ -137,6 +142,7 @@ impl Bsdf<'_> {
             Bsdf::CoatedDiffuse(b) => b.eval_pdf(wo, wi),
             Bsdf::CoatedConductor(b) => b.eval_pdf(wo, wi),
             Bsdf::DiffuseTransmission(b) => b.eval_pdf(wo, wi),
+            Bsdf::Principled(b) => b.eval_pdf(wo, wi),
             Bsdf::Mirror(_) | Bsdf::ThinDielectric(_) | Bsdf::Black => (Rgb::ZERO, 0.0),
         }
     }
@@ -158,6 +164,7 @@ impl Bsdf<'_> {
             Bsdf::CoatedDiffuse(b) => b.sample(wo, u_lobe, u),
             Bsdf::CoatedConductor(b) => b.sample(wo, u_lobe, u),
             Bsdf::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
+            Bsdf::Principled(b) => b.sample(wo, u_lobe, u),
             Bsdf::Black => None,
         }
     }
@@ -170,6 +177,7 @@ impl Bsdf<'_> {
             Bsdf::Dielectric(b) => b.is_delta(),
             Bsdf::Conductor(b) => b.is_delta(),
             Bsdf::CoatedConductor(b) => b.is_delta(),
+            Bsdf::Principled(b) => b.is_delta(),
             _ => false,
         }
     }
@@ -191,6 +199,7 @@ impl Bsdf<'_> {
             Bsdf::CoatedDiffuse(b) => b.albedo(wo),
             Bsdf::CoatedConductor(b) => b.albedo(wo),
             Bsdf::DiffuseTransmission(b) => b.albedo(),
+            Bsdf::Principled(b) => b.albedo(wo),
             Bsdf::Black => Rgb::ZERO,
         }
     }
@@ -198,10 +207,11 @@ impl Bsdf<'_> {
     /// Whether light passes to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        matches!(
-            self,
-            Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::DiffuseTransmission(_)
-        )
+        match self {
+            Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::DiffuseTransmission(_) => true,
+            Bsdf::Principled(b) => b.transmits(),
+            _ => false,
+        }
     }
 }
 

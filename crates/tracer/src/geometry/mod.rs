@@ -22,6 +22,8 @@ pub struct Surface {
     pub alpha: Option<FloatTex>,
     /// The geometric normal of triangles without vertex normals, and of quadrics, is turned round.
     pub flip: bool,
+    /// Media inside and outside where the surface is their border, [`NONE`] for vacuum.
+    pub media: Option<[u32; 2]>,
     /// Light of triangle i is `light_of[first_light + i]`; [`NONE`] for what does not shine.
     pub first_light: u32,
     /// Index into the emissions, or [`NONE`].

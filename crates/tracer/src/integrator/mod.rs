@@ -4,6 +4,7 @@
 pub mod debug;
 pub mod direct;
 pub mod path;
+pub mod volpath;
 pub mod whitted;
 
 use crate::geometry::Interaction;
@@ -14,6 +15,9 @@ use crate::ray::Ray;
 use crate::scene::Scene;
 use film::{Counters, LayerSample};
 use glam::{Vec2, Vec3};
+
+/// Surfaces without scattering (interfaces) that a path passes at most.
+const PASS_MAX: u32 = 1000;
 
 /// What a sample has gathered beside radiance: the layers of its first surface.
 #[derive(Clone, Copy)]
@@ -96,7 +100,7 @@ pub(crate) fn sampled_light(
         return Rgb::ZERO;
     };
     let wi = shading.frame.to_local(sample.wi);
-    let (f, pdf_bsdf) = shading.bsdf.eval_pdf(wo_local, wi);
+    let (f, pdf_bsdf) = shading.eval_pdf(wo_local, wi);
     if f == Rgb::ZERO {
         return Rgb::ZERO;
     }
@@ -126,7 +130,37 @@ pub(crate) fn is_shadowed(
         Some(q) => it.spawn_to(q),
         None => it.spawn(sample.wi),
     };
+    if scene.has_media {
+        return is_blocked(scene, ray, sample.target);
+    }
     scene.occluded(&ray)
+}
+
+/// Whether a surface stands in the way, where there may be borders without a surface: those of media.
+#[cold]
+fn is_blocked(scene: &Scene, mut ray: Ray, target: Option<Vec3>) -> bool {
+    for _ in 0..PASS_MAX {
+        let Some(hit) = scene.intersect(&ray) else {
+            return false;
+        };
+        let material = scene.geometry.surface_of(&hit).material;
+        if !scene.materials.is_interface(material) {
+            return true;
+        }
+        let it = scene.interaction(&ray, &hit);
+        ray = match target {
+            Some(q) => {
+                let origin = it.origin_towards(ray.direction);
+                Ray {
+                    origin,
+                    direction: q - origin,
+                    ..ray
+                }
+            }
+            None => it.spawn(ray.direction),
+        };
+    }
+    true
 }
 
 /// Radiance from infinity along a ray; with `mis` = (pdf of the direction), each environment is

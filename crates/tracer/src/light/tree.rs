@@ -183,7 +183,8 @@ impl LightBounds {
         if cos_out <= self.cos_emission {
             return 0.0;
         }
-        let cos_in = wi.dot(n).abs();
+        // In a medium there is no normal, and all directions count alike.
+        let cos_in = if n == Vec3::ZERO { 1.0 } else { wi.dot(n).abs() };
         let sin_in = (1.0 - cos_in * cos_in).max(0.0).sqrt();
         let (cos_in, _) = subtract(cos_in, sin_in, cos_box, sin_box);
         // Lights close to the point must not make the bound infinite.

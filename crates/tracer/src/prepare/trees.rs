@@ -51,9 +51,11 @@ pub fn build(
     let mut plan_of: Vec<Option<u32>> = vec![None; desc.groups.len()];
 
     let mut world = Plan::default();
-    // What has no surface and does not shine is nothing: left in, it would stop shadow rays.
+    // What has no surface, borders on no medium and does not shine is nothing: left in, it would stop
+    // shadow rays.
     let is_nothing = |p: &&Primitive| {
         p.emission.is_none()
+            && sides(desc, p).is_none()
             && matches!(
                 desc.materials[p.material.index()].bsdf,
                 model::BsdfDesc::Interface
@@ -176,6 +178,7 @@ pub fn build(
                 // A quadric's normal goes through its transform, a triangle's comes from its corners,
                 // which a mirroring transform turns round.
                 flip: p.reverse_orientation != (mesh != NONE && mirrored),
+                media: sides(desc, p),
                 first_light: NONE,
                 emission,
             });
@@ -221,6 +224,14 @@ pub fn build(
     let first = first_surface[plans.len()];
     out.world = tree(&world, first, surfaces, meshes, &placed);
     Ok(out)
+}
+
+/// Indices of the media inside and outside of a primitive that is a border. Vacuum on both sides counts
+/// too, as the inside of a surface may be cut out of a medium, but not where there are no media.
+fn sides(desc: &SceneDesc, p: &Primitive) -> Option<[u32; 2]> {
+    let interface = p.media.filter(|_| !desc.media.is_empty())?;
+    let side = |m: Option<model::MediumId>| m.map_or(NONE, |m| m.0);
+    Some([side(interface.inside), side(interface.outside)])
 }
 
 /// Puts a primitive of the world into its plan, or makes it an instance if it moves.
