@@ -1,9 +1,9 @@
 //! Materials: from a description and a point on a surface to a [`Bsdf`].
 
 use crate::bsdf::{
-    self, Bsdf, BsdfSample, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Curve, Dielectric,
-    Diffuse, DiffuseTransmission, Facets, Lafortune, LobeParam, Mirror, OrenNayar, Phong, Principled,
-    PrincipledParams, PrincipledTables, ThinDielectric,
+    self, Bsdf, BsdfSample, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Curve,
+    Dielectric, Diffuse, DiffuseTransmission, Facets, Hair, Lafortune, LobeParam, Mirror,
+    OrenNayar, Phong, Principled, PrincipledParams, PrincipledTables, ThinDielectric,
 };
 use crate::geometry::Interaction;
 use crate::geometry::interaction::shading_frame;
@@ -11,7 +11,9 @@ use crate::math::{self, Frame, Rgb};
 use crate::texture::Textures;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use scene::model::{self, BsdfDesc, Coat, ConductorFresnel, FloatTex, Roughness, RoughnessScale};
+use scene::model::{
+    self, BsdfDesc, Coat, ConductorFresnel, FloatTex, HairColor, Roughness, RoughnessScale,
+};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -67,6 +69,7 @@ impl Material {
                     .collect();
                 anisotropic = described.iter().any(|l| l.c[0] != l.c[1]);
             }
+            BsdfDesc::Hair { .. } => anisotropic = true,
             BsdfDesc::Principled(p) => {
                 anisotropic = p.anisotropy != FloatTex::Const(0.0) || p.coat_normal_map.is_some();
             }
@@ -385,7 +388,30 @@ impl Material {
             )),
             BsdfDesc::Interface => return None,
             BsdfDesc::Principled(p) => self.principled(p, textures, it, frame)?,
-            BsdfDesc::Hair { .. } => todo!("NEXT"),
+            BsdfDesc::Hair {
+                color: pigment,
+                ior,
+                beta_m,
+                beta_n,
+                alpha: tilt,
+            } => {
+                let beta_n = textures.float(beta_n, at);
+                let absorption = match pigment {
+                    HairColor::Absorption(c) => color(c),
+                    HairColor::Reflectance(c) => Hair::absorption_of(albedo(c), beta_n),
+                    HairColor::Melanin {
+                        eumelanin,
+                        pheomelanin,
+                    } => Hair::absorption_of_melanin(
+                        textures.float(eumelanin, at),
+                        textures.float(pheomelanin, at),
+                    ),
+                };
+                // v runs across the strand.
+                let h = 2.0 * at.uv[0].y - 1.0;
+                let beta_m = textures.float(beta_m, at);
+                Bsdf::Hair(Hair::new(h, *ior, absorption, beta_m, beta_n, *tilt))
+            }
             // Resolved before.
             BsdfDesc::Mix { .. } | BsdfDesc::TwoSided { .. } => return None,
         })

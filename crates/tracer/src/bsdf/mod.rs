@@ -24,6 +24,7 @@ mod diffuse;
 mod diffuse_transmission;
 mod fresnel;
 mod ggx;
+mod hair;
 mod lafortune;
 mod mirror;
 mod oren_nayar;
@@ -40,6 +41,7 @@ pub use diffuse::Diffuse;
 pub use diffuse_transmission::DiffuseTransmission;
 pub use fresnel::{conductor_k_from_reflectance, fresnel_conductor, fresnel_dielectric};
 pub use ggx::Ggx;
+pub use hair::Hair;
 pub use lafortune::{Lafortune, LobeParam};
 pub use mirror::Mirror;
 pub use oren_nayar::OrenNayar;
@@ -112,6 +114,8 @@ pub enum Bsdf<'s> {
     DiffuseTransmission(DiffuseTransmission),
     /// Everyday surfaces: sheen, coat, metal, glass, translucent and opaque dielectric.
     Principled(Principled<'s>),
+    /// A fibre.
+    Hair(Hair),
     /// Nothing comes back.
     Black,
 }
@@ -143,6 +147,7 @@ impl Bsdf<'_> {
             Bsdf::CoatedConductor(b) => b.eval_pdf(wo, wi),
             Bsdf::DiffuseTransmission(b) => b.eval_pdf(wo, wi),
             Bsdf::Principled(b) => b.eval_pdf(wo, wi),
+            Bsdf::Hair(b) => b.eval_pdf(wo, wi),
             Bsdf::Mirror(_) | Bsdf::ThinDielectric(_) | Bsdf::Black => (Rgb::ZERO, 0.0),
         }
     }
@@ -165,6 +170,7 @@ impl Bsdf<'_> {
             Bsdf::CoatedConductor(b) => b.sample(wo, u_lobe, u),
             Bsdf::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
             Bsdf::Principled(b) => b.sample(wo, u_lobe, u),
+            Bsdf::Hair(b) => b.sample(wo, u_lobe, u),
             Bsdf::Black => None,
         }
     }
@@ -200,6 +206,7 @@ impl Bsdf<'_> {
             Bsdf::CoatedConductor(b) => b.albedo(wo),
             Bsdf::DiffuseTransmission(b) => b.albedo(),
             Bsdf::Principled(b) => b.albedo(wo),
+            Bsdf::Hair(b) => b.albedo(wo),
             Bsdf::Black => Rgb::ZERO,
         }
     }
@@ -208,7 +215,10 @@ impl Bsdf<'_> {
     #[inline]
     pub fn transmits(&self) -> bool {
         match self {
-            Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::DiffuseTransmission(_) => true,
+            Bsdf::Dielectric(_)
+            | Bsdf::ThinDielectric(_)
+            | Bsdf::DiffuseTransmission(_)
+            | Bsdf::Hair(_) => true,
             Bsdf::Principled(b) => b.transmits(),
             _ => false,
         }

@@ -8,6 +8,7 @@ use testkit::{Moments, TestRng, sphere_integral_about, ttest};
 
 mod coated;
 mod furnace;
+mod hair;
 mod lobes;
 mod principled;
 mod walk;
@@ -146,6 +147,7 @@ fn cases() -> Vec<Case> {
     })
     .into_iter()
     .chain(principled::cases())
+    .chain(hair::cases())
     .collect()
 }
 

@@ -1,5 +1,6 @@
 //! Shapes: what surfaces there are and what is known about a point on one.
 
+pub mod curves;
 pub mod interaction;
 pub mod mesh;
 pub mod quadric;
@@ -14,8 +15,10 @@ use scene::model::FloatTex;
 /// A shape with its material, as it lies in a tree.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Index into the meshes, or [`NONE`] for a quadric.
+    /// Index into the meshes, or [`NONE`] for curves and quadrics.
     pub mesh: u32,
+    /// Index into the sets of curves, or [`NONE`].
+    pub curves: u32,
     /// Index into the materials.
     pub material: u32,
     /// Coverage, if it is not solid.

@@ -175,10 +175,6 @@ pub fn sample(
             let l = carried.beta * le * (1.0 / mean(density));
             radiance += bounded(scene, l, depth);
         }
-        let at_limit = depth >= limits.events;
-        if at_limit && seen_first {
-            break;
-        }
         let surface: &Surface = scene.geometry.surface_of(&hit);
         let numbers = sampler.bounce(scene.geometry.level);
         let Some(shading) = scene
@@ -200,7 +196,7 @@ pub fn sample(
             seen_first = true;
             first = First::surface(&it, &shading, wo, travelled + hit.t * scale);
         }
-        if at_limit {
+        if depth >= limits.events {
             break;
         }
         let delta = shading.bsdf.is_delta();

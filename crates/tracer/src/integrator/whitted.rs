@@ -39,7 +39,10 @@ fn trace(
     let wo = -ray.direction;
     let mut radiance = scene.emitted(&it, wo);
     // A mix has no place in this model: its larger part stands for it.
-    let Some(shading) = scene.materials.shade(&scene.geometry.textures, &it, wo, 0.5) else {
+    let Some(shading) = scene
+        .materials
+        .shade(&scene.geometry.textures, &it, wo, 0.5)
+    else {
         first.get_or_insert(First::bare(&it, hit.t));
         return radiance
             + if depth_left > 0 {

@@ -184,7 +184,11 @@ impl LightBounds {
             return 0.0;
         }
         // In a medium there is no normal, and all directions count alike.
-        let cos_in = if n == Vec3::ZERO { 1.0 } else { wi.dot(n).abs() };
+        let cos_in = if n == Vec3::ZERO {
+            1.0
+        } else {
+            wi.dot(n).abs()
+        };
         let sin_in = (1.0 - cos_in * cos_in).max(0.0).sqrt();
         let (cos_in, _) = subtract(cos_in, sin_in, cos_box, sin_box);
         // Lights close to the point must not make the bound infinite.

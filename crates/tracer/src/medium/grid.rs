@@ -266,7 +266,10 @@ fn largest(grid: &Grid, block: [u32; 3], blocks: [u32; 3]) -> Rgb {
         // The cells whose centres are within one of the block.
         let from = (block[axis] as f32 * scale - 0.5).floor().max(0.0) as usize;
         let to = ((block[axis] + 1) as f32 * scale - 0.5).ceil() as usize;
-        (from.saturating_sub(1), (to + 1).min(grid.size[axis] as usize - 1))
+        (
+            from.saturating_sub(1),
+            (to + 1).min(grid.size[axis] as usize - 1),
+        )
     };
     let (x, y, z) = (range(0), range(1), range(2));
     let mut most = Rgb::ZERO;

@@ -131,7 +131,13 @@ pub fn beer(sigma: Rgb, distance: f32) -> Rgb {
 /// medium is passed by Beer's law, without noise); it never exceeds t, and weights never exceed 1.
 #[inline]
 pub fn rate(c: &Coefficients) -> Rgb {
-    let one = |a: f32, s: f32| if s > 0.0 { s * (1.0 + a / (a + s)) } else { 0.0 };
+    let one = |a: f32, s: f32| {
+        if s > 0.0 {
+            s * (1.0 + a / (a + s))
+        } else {
+            0.0
+        }
+    };
     Rgb::new(one(c.a.x, c.s.x), one(c.a.y, c.s.y), one(c.a.z, c.s.z))
 }
 

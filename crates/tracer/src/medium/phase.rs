@@ -2,7 +2,7 @@
 //! p = (1 - g^2) / (4 pi (1 + g^2 - 2 g cos)^(3/2)), cos between the ways of travel before and after.
 //! It integrates to 1, so that a density is a value.
 
-use crate::math::{Frame, INV_4PI, sin_cos_2pi, safe_sqrt};
+use crate::math::{Frame, INV_4PI, safe_sqrt, sin_cos_2pi};
 use glam::{Vec2, Vec3};
 
 /// Value and density per solid angle for light that travelled along `d` and goes on along `wi`.

@@ -88,6 +88,7 @@ fn compile(
         instances: placed.instances,
         surfaces,
         meshes: placed.meshes,
+        curves: placed.curves,
         textures,
         has_alpha,
     };
@@ -130,7 +131,10 @@ fn check_media(desc: &SceneDesc) -> Result<(), PrepareError> {
         ];
         for (what, part) in parts {
             let Some(part) = part else { continue };
-            let cells = part.size.iter().try_fold(1u64, |n, s| n.checked_mul(u64::from(*s)));
+            let cells = part
+                .size
+                .iter()
+                .try_fold(1u64, |n, s| n.checked_mul(u64::from(*s)));
             let values = match &part.values {
                 model::GridValues::Scalar(v) => v.len(),
                 model::GridValues::Rgb(v) => v.len(),

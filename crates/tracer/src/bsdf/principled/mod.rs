@@ -191,7 +191,11 @@ pub(crate) fn lifted(wo: Vec3, normal: Vec3, up: Vec3) -> Vec3 {
         return normal;
     }
     let half = wo + normalize(mirror + up * (LEAST - height));
-    if half.dot(up) > 1e-4 { normalize(half) } else { up }
+    if half.dot(up) > 1e-4 {
+        normalize(half)
+    } else {
+        up
+    }
 }
 
 /// cos (1 - cos)^6 at the cosine 1/7, where the darkening term is largest, and (1 - cos)^5 there.

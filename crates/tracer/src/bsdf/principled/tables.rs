@@ -9,9 +9,9 @@
 //! Widths are tabulated over the artist's roughness r = sqrt(alpha), cosines over their square roots:
 //! both are where the albedo bends most. Anisotropic lobes look up the geometric mean of their widths.
 
-use super::super::ggx::{Ggx, mirrored};
 use super::super::coat::{at_cosine, hammersley};
 use super::super::fresnel_dielectric;
+use super::super::ggx::{Ggx, mirrored};
 use super::sheen;
 use crate::math::{dot, lerp, sqr};
 use glam::Vec3;
@@ -76,11 +76,7 @@ impl Albedo {
         let (i, fi) = place(roughness, WIDTHS);
         let (j, fj) = place(cos.max(0.0).sqrt(), COSINES);
         let (a, b) = (&self.cells[i], &self.cells[i + 1]);
-        lerp(
-            lerp(a[j], a[j + 1], fj),
-            lerp(b[j], b[j + 1], fj),
-            fi,
-        )
+        lerp(lerp(a[j], a[j + 1], fj), lerp(b[j], b[j + 1], fj), fi)
     }
 
     /// Cosine-weighted mean over the hemisphere, [0, 1].

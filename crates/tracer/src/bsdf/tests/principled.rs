@@ -13,11 +13,7 @@ fn facets() -> Arc<Facets> {
 fn surface(ior: f32, p: PrincipledParams) -> Bsdf<'static> {
     let tables: &'static PrincipledTables = Box::leak(Box::new(PrincipledTables {
         facets: facets(),
-        base: Arc::new(Curve::new(
-            ior,
-            p.thin,
-            p.transmission > 0.0 && !p.thin,
-        )),
+        base: Arc::new(Curve::new(ior, p.thin, p.transmission > 0.0 && !p.thin)),
         coat: Arc::new(Curve::new(1.5, false, false)),
     }));
     Bsdf::Principled(Principled::new(tables, &p))
@@ -345,7 +341,12 @@ fn a_smooth_dielectric_reflects_four_percent() {
         },
     );
     let f = dull.eval(direction(0.7, 0.1), direction(0.3, 0.6));
-    assert!((f / 0.3 - Rgb::splat(1.0 / crate::math::PI)).abs().max_element() < 1e-5);
+    assert!(
+        (f / 0.3 - Rgb::splat(1.0 / crate::math::PI))
+            .abs()
+            .max_element()
+            < 1e-5
+    );
 }
 
 /// Smooth glass is a pair of delta lobes that bends and tints: the base colour once at each crossing.
@@ -443,7 +444,10 @@ fn films_interfere() {
         bsdf.albedo(direction(cos, 0.3))
     };
     let bare = at(0.0, 1.3, 1.0);
-    assert!((bare - Rgb::splat(0.04)).abs().max_element() < 2e-3, "{bare}");
+    assert!(
+        (bare - Rgb::splat(0.04)).abs().max_element() < 2e-3,
+        "{bare}"
+    );
     // A quarter wave at 550 nm of a film whose index is the root of the base's: no green returns.
     let quarter = at(550.0 / (4.0 * 1.2247), 1.2247, 1.0);
     assert!(quarter.y < 0.004, "{quarter}");
