@@ -83,7 +83,7 @@ impl Hair {
         Rgb::new(one(color.x), one(color.y), one(color.z))
     }
 
-    /// Absorption of concentrations of brown-black and red-blond pigment [dEon11].
+    /// Absorption of concentrations of brown-black and red-blond pigment [DEon11].
     pub fn absorption_of_melanin(eumelanin: f32, pheomelanin: f32) -> Rgb {
         Rgb::new(0.419, 0.697, 1.37) * eumelanin.max(0.0)
             + Rgb::new(0.187, 0.4, 1.05) * pheomelanin.max(0.0)
@@ -219,7 +219,7 @@ impl Hair {
     }
 }
 
-/// The longitudinal lobe [dEon11]: exp(-sin sin / v) I0(cos cos / v) / (2 v sinh(1 / v)), which integrates
+/// The longitudinal lobe [DEon11]: exp(-sin sin / v) I0(cos cos / v) / (2 v sinh(1 / v)), which integrates
 /// to 1 over the sphere for each turn around the strand.
 fn longitudinal(cos_i: f32, cos_o: f32, sin_i: f32, sin_o: f32, v: f32) -> f32 {
     let a = cos_i * cos_o / v;

@@ -433,22 +433,27 @@ impl<'s> Principled<'s> {
                     .as_ref()
                     .map_or(1.0, |t| 1.0 / t.at(cos, self.roughness).max(0.1));
                 through = Rgb::splat(back);
-            } else if self.film > 0.0 {
+            } else if self.film > 0.0 && !inside {
                 // (1 - E) / (E(1) - E) is smallest for E = 0: what a film's facets reflect is not known.
                 if self.thin {
                     through = Rgb::splat(1.0 / white.max(0.25));
                 }
             } else {
-                let at_once = match &base.into {
-                    Some((low, high)) if !self.thin && !inside => {
-                        let high = high.at(cos, self.roughness);
-                        let all = low.at(cos, self.roughness) + high;
-                        (one - self.f0) * all - (Rgb::splat(self.f90) - self.f0) * high
+                let rise = Rgb::splat(self.f90) - self.f0;
+                let (reflected, at_once) = match &base.rare {
+                    Some(rare) if !self.thin => {
+                        let high = rare.high.at(cos, self.roughness);
+                        let all = rare.low.at(cos, self.roughness) + high;
+                        let t = rare.reflected.at(cos, self.roughness);
+                        (
+                            self.f0 * white + rise * t,
+                            (one - self.f0) * all - rise * high,
+                        )
                     }
-                    _ => Rgb::splat(white) - specular,
+                    _ => (specular, Rgb::splat(white) - specular),
                 };
                 through =
-                    ((one - specular) / at_once.max(Rgb::splat(1e-3))).clamp(one, Rgb::splat(4.0));
+                    ((one - reflected) / at_once.max(Rgb::splat(1e-3))).clamp(one, Rgb::splat(4.0));
             }
         }
 

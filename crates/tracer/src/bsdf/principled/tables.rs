@@ -19,11 +19,11 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Cells over the square root of the cosine.
-const COSINES: usize = 32;
+const COSINES: usize = 64;
 /// Cells over the roughness.
 const WIDTHS: usize = 32;
 /// Directions for one entry.
-const POINTS: u32 = 192;
+const POINTS: u32 = 160;
 
 /// A function of the cosine and the roughness, bilinear.
 #[derive(Clone, Debug, PartialEq)]
@@ -163,6 +163,17 @@ impl Facets {
     }
 }
 
+/// A boundary seen from the side with the lower index of refraction, where nothing is totally reflected.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rare {
+    /// Power bent through by facets that let through 1 - t.
+    pub low: Albedo,
+    /// The same for t.
+    pub high: Albedo,
+    /// E(t).
+    pub reflected: Albedo,
+}
+
 /// How the reflectance of a boundary rises from normal incidence (0) to the horizon (1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
@@ -174,8 +185,8 @@ pub struct Curve {
     pub f0: f32,
     /// E of the curve.
     pub albedo: Albedo,
-    /// E(1 - t) and E(t) of what is bent into a solid, per unit of power.
-    pub into: Option<(Albedo, Albedo)>,
+    /// Where light is bent into a solid, or out of one that is thinner than its surroundings: see [`Rare`].
+    pub rare: Option<Rare>,
     /// What facets reflect and transmit together from the denser side of a solid, where total reflection
     /// makes their shares steep.
     pub dense: Option<Albedo>,
@@ -199,17 +210,19 @@ impl Curve {
                 cells: Box::new([[0.0; COSINES + 1]; WIDTHS + 1]),
                 means: [0.0; WIDTHS + 1],
             },
-            into: None,
+            rare: None,
             dense: None,
         };
         curve.albedo = Albedo::new(|cos, r| reflected(cos, r, |c| curve.rise(c)));
         if solid && ior > 0.0 && !pane {
-            if ior >= 1.0 {
-                curve.into = Some((
-                    Albedo::new(|cos, r| refracted(cos, r, ior, |c| 1.0 - curve.rise(c))),
-                    Albedo::new(|cos, r| refracted(cos, r, ior, |c| curve.rise(c))),
-                ));
-            }
+            let dense = ior.max(1.0 / ior);
+            let f0 = curve.f0;
+            let rise = move |c: f32| ((fresnel_dielectric(c, dense).0 - f0) / (1.0 - f0)).max(-1.0);
+            curve.rare = Some(Rare {
+                low: Albedo::new(|cos, r| refracted(cos, r, dense, |c| 1.0 - rise(c))),
+                high: Albedo::new(|cos, r| refracted(cos, r, dense, rise)),
+                reflected: Albedo::new(|cos, r| reflected(cos, r, rise)),
+            });
             let eta = if ior > 1.0 { 1.0 / ior } else { ior };
             curve.dense = Some(Albedo::new(|cos, r| {
                 let f = |c: f32| fresnel_dielectric(c, eta).0;
