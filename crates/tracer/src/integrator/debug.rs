@@ -19,7 +19,7 @@ pub fn sample(
 ) -> LayerSample {
     let mut ray = ray;
     let mut travelled = 0.0;
-    let mut passed = 0;
+    let mut passing = super::Passing::new();
     let (it, first) = loop {
         counters.rays += 1;
         let Some(hit) = scene.intersect(&ray) else {
@@ -29,10 +29,12 @@ pub fn sample(
         let depth = travelled + hit.t;
         let surface = scene.geometry.surface_of(&hit);
         let is_border = scene.has_media && surface.media.is_some() && !surface.shines();
-        if is_border && scene.materials.is_interface(it.material) && passed < super::PASS_MAX {
-            passed += 1;
+        if is_border
+            && scene.materials.is_interface(it.material)
+            && let Some(origin) = passing.pass(&it, &hit, ray.direction)
+        {
             travelled = depth;
-            ray = it.spawn(ray.direction);
+            ray.origin = origin;
             continue;
         }
         let wo = -ray.direction;

@@ -8,7 +8,7 @@
 //! [`crate::medium::track`]). A scattering event in a medium counts as one of the path's events.
 
 use super::path::{ROULETTE_FACTOR, ROULETTE_FROM, bounded, hidden_sky};
-use super::{First, PASS_MAX, sky_alpha};
+use super::{First, Passing, sky_alpha};
 use crate::geometry::{Interaction, Surface};
 use crate::light::Light;
 use crate::material::Shading;
@@ -78,7 +78,8 @@ pub fn sample(
     let mut carried = Carried::START;
     let mut first = First::NOTHING;
     let mut seen_first = false;
-    let (mut depth, mut deltas, mut passed) = (0, 0, 0);
+    let (mut depth, mut deltas) = (0, 0);
+    let mut passing = Passing::new();
     let mut travelled = 0.0;
     // Whether the last direction could have been sampled from lights, and the vertex it left from.
     let mut by_lights = false;
@@ -183,13 +184,12 @@ pub fn sample(
         else {
             // A border without a surface: on in the same direction. The vertex that the direction left
             // from, and its weight against light sampling, stay as they are.
-            passed += 1;
-            if passed > PASS_MAX {
+            let Some(origin) = passing.pass(&it, &hit, ray.direction) else {
                 break;
-            }
+            };
             travelled += hit.t * scale;
             medium = beyond(surface.media, &it, ray.direction, medium);
-            ray = it.spawn(ray.direction);
+            ray.origin = origin;
             continue;
         };
         if !seen_first {
@@ -330,7 +330,7 @@ fn light(
     // Through media and borders to the light.
     let mut ray = ray;
     let mut shadow = Shadow::START;
-    let mut passed = 0;
+    let mut passing = Passing::new();
     loop {
         counters.shadow_rays += 1;
         let hit = scene.geometry.closest(&ray);
@@ -358,10 +358,6 @@ fn light(
         if !hit.is_some() {
             break;
         }
-        passed += 1;
-        if passed > PASS_MAX {
-            return Rgb::ZERO;
-        }
         let it = scene.interaction(&ray, &hit);
         within = beyond(
             scene.geometry.surface_of(&hit).media,
@@ -369,18 +365,13 @@ fn light(
             ray.direction,
             within,
         );
-        ray = match sample.target {
-            Some(q) => {
-                let origin = it.origin_towards(ray.direction);
-                Ray {
-                    origin,
-                    direction: q - origin,
-                    t_max: 0.9999,
-                    time: ray.time,
-                }
-            }
-            None => it.spawn(ray.direction),
+        let Some(origin) = passing.pass(&it, &hit, ray.direction) else {
+            return Rgb::ZERO;
         };
+        ray.origin = origin;
+        if let Some(q) = sample.target {
+            ray.direction = q - origin;
+        }
     }
     let pdf_light = sample.pdf * pmf;
     let mut density = carried.unidirectional * pdf_light;
