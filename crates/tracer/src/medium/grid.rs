@@ -1,6 +1,6 @@
 //! Media that vary: values on a regular grid, and a coarser grid of upper bounds over it.
 
-use super::Coefficients;
+use super::{Coefficients, DENSE};
 use crate::geometry::transform::Affine;
 use crate::math::{Rgb, length};
 use glam::Vec3;
@@ -221,14 +221,12 @@ impl Iterator for Walk<'_> {
 
 #[inline]
 fn value(grid: &Grid, index: usize) -> Rgb {
+    let rgb = match &grid.values {
+        GridValues::Scalar(v) => Rgb::splat(v[index]),
+        GridValues::Rgb(v) => Rgb::from_array(v[index]),
+    };
     // max(0) also turns NaN into 0.
-    match &grid.values {
-        GridValues::Scalar(v) => Rgb::splat(v[index].max(0.0)),
-        GridValues::Rgb(v) => {
-            let [r, g, b] = v[index];
-            Rgb::new(r.max(0.0), g.max(0.0), b.max(0.0))
-        }
-    }
+    rgb.max(Rgb::ZERO).min(Rgb::splat(DENSE))
 }
 
 /// Trilinear between the centres of cells; beyond the outermost centres as there.

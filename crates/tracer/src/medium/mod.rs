@@ -2,7 +2,7 @@
 //!
 //! A medium has coefficients of absorption and scattering per unit of length in world space, light of its
 //! own, and a phase function. It is homogeneous, or a grid that is tracked through a coarser grid of
-//! upper bounds ([`grid`]). Rays know which medium they are in (an index, [`crate::ray::NONE`] for vacuum);
+//! upper bounds ([`grid`]). A path knows which medium it is in (an index, [`crate::ray::NONE`] for vacuum);
 //! a surface that is a border says what lies on either side of it, so nested media need no priorities:
 //! each surface states its inside and its outside, as in pbrt.
 
@@ -16,6 +16,8 @@ use scene::model::{self, SceneDesc};
 
 /// Distances are bounded by this, so that zero coefficients times infinity are never formed.
 pub const FAR: f32 = 1e30;
+/// And coefficients by this, so that their sums and products stay finite.
+const DENSE: f32 = 1e12;
 
 /// A medium ready for use.
 pub struct Medium {
@@ -53,7 +55,8 @@ impl Coefficients {
 impl Medium {
     /// Compiles a description.
     fn new(desc: &model::Medium) -> Medium {
-        let some = |c: model::Rgb| Rgb::from_array(c).max(Rgb::ZERO);
+        // max(0) also turns NaN into 0; what is denser than the bound is opaque at any size.
+        let some = |c: model::Rgb| Rgb::from_array(c).clamp(Rgb::ZERO, Rgb::splat(DENSE));
         let (sigma_a, sigma_s) = (some(desc.sigma_a), some(desc.sigma_s));
         Medium {
             sigma_a,

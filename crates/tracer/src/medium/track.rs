@@ -60,7 +60,7 @@ pub enum Flight {
 }
 
 /// Tentative collisions of one flight at most: a bound against hopeless input, far beyond what is seen.
-const COLLISIONS_MAX: u32 = 1 << 20;
+const COLLISIONS_MAX: u32 = 1 << 17;
 
 /// Length of a flight with this rate.
 #[inline]

@@ -151,8 +151,14 @@ pub struct Facets {
     pub sheen: Albedo,
 }
 
+impl Default for Facets {
+    fn default() -> Facets {
+        Facets::new()
+    }
+}
+
 impl Facets {
-    /// Integrates; a few milliseconds.
+    /// Integrates; some tens of milliseconds.
     pub fn new() -> Facets {
         Facets {
             white: Albedo::new(|cos, r| reflected(cos, r, |_| 1.0)),

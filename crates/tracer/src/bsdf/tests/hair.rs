@@ -32,7 +32,7 @@ fn a_white_fibre_loses_nothing() {
     for h in [-0.9, -0.3, 0.0, 0.6] {
         for (m, n, tilt) in [(0.2, 0.3, 2.0), (0.6, 0.9, 0.0), (1.0, 0.5, 5.0)] {
             let bsdf = fibre(h, Rgb::ZERO, m, n, tilt);
-            for wo in views() {
+            for (i, wo) in views().into_iter().enumerate() {
                 let (a, error) = albedo(&bsdf, wo, 20_000);
                 let off = (a - Rgb::ONE).abs().max_element();
                 assert!(
@@ -41,8 +41,12 @@ fn a_white_fibre_loses_nothing() {
                 );
                 let stated = bsdf.albedo(wo);
                 assert!((stated - Rgb::ONE).abs().max_element() < 1e-4, "{stated}");
+                // Quadrature is slow: from two sides.
+                if i != 1 && i != 6 {
+                    continue;
+                }
                 let f = |w: [f32; 3]| f64::from(bsdf.eval(wo, w.into()).y);
-                let whole = sphere_integral_about(pole(&bsdf, wo).to_array(), f, 1e-4);
+                let whole = sphere_integral_about(pole(&bsdf, wo).to_array(), f, 1e-3);
                 assert!((whole - 1.0).abs() < 6e-3, "h {h} from {wo}: {whole}");
             }
         }

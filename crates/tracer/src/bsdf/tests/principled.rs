@@ -415,7 +415,7 @@ fn metals_follow_their_curve() {
         s.weight * s.pdf
     };
     assert!((at(1.0) - base).abs().max_element() < 1e-5);
-    let schlick = base + (Rgb::ONE - base) * (6.0f32 / 7.0).powf(5.0);
+    let schlick = base + (Rgb::ONE - base) * crate::math::powf(6.0 / 7.0, 5.0);
     let found = at(1.0 / 7.0);
     assert!(
         (found - schlick * edge).abs().max_element() < 1e-4,
