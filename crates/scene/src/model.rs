@@ -33,6 +33,10 @@ index! {
     MaterialId,
     /// Index into [`SceneDesc::groups`].
     GroupId,
+    /// Index into [`SceneDesc::media`].
+    MediumId,
+    /// Index into [`SceneDesc::curves`].
+    CurvesId,
 }
 
 /// A whole scene.
@@ -58,6 +62,10 @@ pub struct SceneDesc {
     pub textures: Vec<Texture>,
     /// Materials; a material refers only to materials before it.
     pub materials: Vec<Material>,
+    /// Participating media.
+    pub media: Vec<Medium>,
+    /// Bundles of hair, fur, grass.
+    pub curves: Vec<Curves>,
     /// Shapes placed in the world directly.
     pub primitives: Vec<Primitive>,
     /// Sets of shapes that are placed by instances.
@@ -129,6 +137,8 @@ pub struct Camera {
     pub shutter: (f64, f64),
     /// How much the shutter lets through over its interval.
     pub shutter_curve: ShutterCurve,
+    /// What fills the space around the camera; `None` is vacuum.
+    pub medium: Option<MediumId>,
 }
 
 /// Transmission over the normalised shutter interval [0, 1].
@@ -401,6 +411,106 @@ pub struct Primitive {
     pub alpha: Option<FloatTex>,
     /// The outside becomes the inside (swaps the geometric normal).
     pub reverse_orientation: bool,
+    /// Where the surface is the border of media; `None` where a ray that crosses it stays in what
+    /// it is in.
+    pub media: Option<MediumInterface>,
+}
+
+/// What lies on the two sides of a surface; `None` is vacuum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MediumInterface {
+    /// Against the geometric normal.
+    pub inside: Option<MediumId>,
+    /// Where the geometric normal points.
+    pub outside: Option<MediumId>,
+}
+
+/// A participating medium. Coefficients are per scene unit of world space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Medium {
+    /// For messages and sharing.
+    pub name: String,
+    /// Absorption coefficient.
+    pub sigma_a: Rgb,
+    /// Scattering coefficient.
+    pub sigma_s: Rgb,
+    /// Radiance given off per absorption: the medium adds `sigma_a * emission` per unit of length.
+    pub emission: Rgb,
+    /// Asymmetry of the phase function [HenyeyGreenstein41], in (-1, 1); positive is forward.
+    pub g: f32,
+    /// Variation in space; `None` is the same everywhere.
+    pub grid: Option<MediumGrid>,
+}
+
+/// How a medium varies: factors on its coefficients, trilinear between the centres of cells, zero
+/// outside the bounds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MediumGrid {
+    /// Medium space to world.
+    pub transform: DAffine3,
+    /// Two corners of the box in medium space that the grids fill.
+    pub bounds: [[f32; 3]; 2],
+    /// Factor on `sigma_a`.
+    pub absorption: Arc<Grid>,
+    /// Factor on `sigma_s`; the same `Arc` as `absorption` where one density drives both.
+    pub scattering: Arc<Grid>,
+    /// Factor on `emission`.
+    pub emission: Option<Arc<Grid>>,
+}
+
+/// Values on a regular grid, x fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// Cells by axis.
+    pub size: [u32; 3],
+    /// As many as cells.
+    pub values: GridValues,
+}
+
+/// What a [`Grid`] holds.
+#[derive(Clone, Debug, PartialEq)]
+pub enum GridValues {
+    /// One number a cell.
+    Scalar(Vec<f32>),
+    /// One colour a cell.
+    Rgb(Vec<Rgb>),
+}
+
+/// Cubic Bezier strands that share a cross-section.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Curves {
+    /// For messages.
+    pub name: String,
+    /// Cross-section.
+    pub kind: CurveKind,
+    /// Pieces of strands.
+    pub segments: Arc<Vec<CurveSegment>>,
+}
+
+/// Cross-section of a curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum CurveKind {
+    /// Turned towards the ray, shaded as flat.
+    Flat,
+    /// Turned towards the ray, shaded as round.
+    Cylinder,
+    /// Fixed across: the normals say how it lies.
+    Ribbon,
+}
+
+/// One cubic Bezier piece of a strand.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CurveSegment {
+    /// Control points, local space.
+    pub points: [[f32; 3]; 4],
+    /// Full width at the start and the end, scene units; linear between.
+    pub width: [f32; 2],
+    /// Texture coordinate u (along the strand) at the start and the end; v runs across from 0 to 1.
+    pub u: [f32; 2],
+    /// Normals of a ribbon at the start and the end; zero for the other kinds.
+    pub normals: [[f32; 3]; 2],
 }
 
 /// Geometry in local space.
@@ -426,6 +536,8 @@ pub enum Shape {
     },
     /// The square [-1, 1]^2 at z = 0; normal +Z; uv from (0, 0) at (-1, -1) to (1, 1).
     Rectangle,
+    /// A bundle of curves.
+    Curves(CurvesId),
 }
 
 /// Light given off by a surface.
@@ -816,6 +928,129 @@ pub enum BsdfDesc {
     },
     /// No surface at all: rays pass.
     Interface,
+    /// Everyday surfaces in one: see [`Principled`].
+    Principled(Box<Principled>),
+    /// A hair or fur fibre [Chiang16]; on curves, or anything with the strand along u.
+    Hair {
+        /// What the fibre is coloured by.
+        color: HairColor,
+        /// Index of refraction, 1.55 for hair.
+        ior: f32,
+        /// Longitudinal roughness, [0, 1].
+        beta_m: FloatTex,
+        /// Azimuthal roughness, [0, 1].
+        beta_n: FloatTex,
+        /// Tilt of the scales, degrees.
+        alpha: f32,
+    },
+}
+
+/// What colours a hair.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HairColor {
+    /// Absorption coefficient inside, per radius of the fibre.
+    Absorption(ColorTex),
+    /// The colour that a mass of it shows; absorption follows by the fit of [Chiang16].
+    Reflectance(ColorTex),
+    /// Concentrations of the two pigments.
+    Melanin {
+        /// Brown and black.
+        eumelanin: FloatTex,
+        /// Red and blond.
+        pheomelanin: FloatTex,
+    },
+}
+
+/// A superset of glTF's metallic-roughness surface with all of its extensions, in the manner of
+/// OpenPBR: from the outside in a sheen layer, a clear coat, and a base that mixes metal, glass,
+/// translucent and opaque dielectric by weight. Every layer conserves energy (multiple scattering
+/// between facets is made up for).
+///
+/// Roughness r means a GGX width of r^2 (glTF, Disney).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Principled {
+    /// Albedo of the diffuse base, reflectance of the metal at normal incidence, tint of what is
+    /// transmitted.
+    pub base_color: ColorTex,
+    /// Weight of the metal, [0, 1].
+    pub metallic: FloatTex,
+    /// Of metal, dielectric reflection and transmission, [0, 1].
+    pub roughness: FloatTex,
+    /// Stretch of the highlight along the tangent turned by `anisotropy_rotation`, [0, 1], as
+    /// KHR_materials_anisotropy has it: width along is mix(r^2, 1, anisotropy^2), across r^2.
+    pub anisotropy: FloatTex,
+    /// Degrees, counter-clockwise from the tangent.
+    pub anisotropy_rotation: FloatTex,
+    /// Tangent-space direction of the stretch in red and green (as in a normal map, [-1, 1] on
+    /// [0, 1]), turned further by the rotation.
+    pub anisotropy_direction: Option<TextureId>,
+    /// Index of refraction of the dielectric; 0 stands for infinity (glTF).
+    pub ior: f32,
+    /// Weight of the dielectric reflection at normal incidence.
+    pub specular: FloatTex,
+    /// Colour of the dielectric reflection at normal incidence (may exceed 1; F0 is clamped).
+    pub specular_color: ColorTex,
+    /// For metals: reflectance at 82 degrees relative to Schlick's curve [Kutz21]; white is Schlick.
+    pub metal_edge: ColorTex,
+    /// Weight of transmission against the diffuse base, [0, 1].
+    pub transmission: FloatTex,
+    /// The surface is a sheet: what is transmitted is not bent (but spread by roughness).
+    pub thin: bool,
+    /// Weight of diffuse transmission in the diffuse base, [0, 1].
+    pub diffuse_transmission: FloatTex,
+    /// Its colour.
+    pub diffuse_transmission_color: ColorTex,
+    /// Weight of the clear coat, [0, 1].
+    pub coat: FloatTex,
+    /// Of the coat, [0, 1].
+    pub coat_roughness: FloatTex,
+    /// Of the coat; 1.5 in glTF.
+    pub coat_ior: f32,
+    /// Normal map of the coat alone: texture and strength on x and y. Without it the coat has the
+    /// geometric shading normal, not the base's mapped one.
+    pub coat_normal_map: Option<(TextureId, f32)>,
+    /// Colour and strength of the sheen; black is none.
+    pub sheen_color: ColorTex,
+    /// Of the sheen, [0, 1].
+    pub sheen_roughness: FloatTex,
+    /// Weight of a thin film on the base, [0, 1].
+    pub iridescence: FloatTex,
+    /// Index of refraction of the film.
+    pub iridescence_ior: f32,
+    /// Thickness of the film, nanometres.
+    pub iridescence_thickness: FloatTex,
+}
+
+impl Default for Principled {
+    fn default() -> Self {
+        let zero = FloatTex::Const(0.0);
+        let white = ColorTex::Const([1.0; 3]);
+        Principled {
+            base_color: white,
+            metallic: zero,
+            roughness: FloatTex::Const(0.5),
+            anisotropy: zero,
+            anisotropy_rotation: zero,
+            anisotropy_direction: None,
+            ior: 1.5,
+            specular: FloatTex::Const(1.0),
+            specular_color: white,
+            metal_edge: white,
+            transmission: zero,
+            thin: false,
+            diffuse_transmission: zero,
+            diffuse_transmission_color: white,
+            coat: zero,
+            coat_roughness: zero,
+            coat_ior: 1.5,
+            coat_normal_map: None,
+            sheen_color: ColorTex::Const([0.0; 3]),
+            sheen_roughness: zero,
+            iridescence: zero,
+            iridescence_ior: 1.3,
+            iridescence_thickness: FloatTex::Const(400.0),
+        }
+    }
 }
 
 /// A generalised cosine lobe: (cx wi.x wo.x + cy wi.y wo.y + cz wi.z wo.z)^n, times a colour.

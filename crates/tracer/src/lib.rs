@@ -12,6 +12,7 @@ pub mod integrator;
 pub mod light;
 pub mod material;
 pub mod math;
+pub mod medium;
 mod prepare;
 pub mod ray;
 mod render;

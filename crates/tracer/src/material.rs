@@ -1,15 +1,21 @@
 //! Materials: from a description and a point on a surface to a [`Bsdf`].
 
 use crate::bsdf::{
-    self, Bsdf, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Dielectric, Diffuse,
-    DiffuseTransmission, Lafortune, LobeParam, Mirror, OrenNayar, Phong, ThinDielectric,
+    self, Bsdf, BsdfSample, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Curve,
+    Dielectric, Diffuse, DiffuseTransmission, Facets, Hair, Lafortune, LobeParam, Mirror,
+    OrenNayar, Phong, Principled, PrincipledParams, PrincipledTables, ThinDielectric,
 };
 use crate::geometry::Interaction;
 use crate::geometry::interaction::shading_frame;
 use crate::math::{self, Frame, Rgb};
-use crate::texture::{Point, Textures};
+use crate::texture::Textures;
 use glam::{Vec2, Vec3};
-use scene::model::{self, BsdfDesc, Coat, ConductorFresnel, FloatTex, Roughness, RoughnessScale};
+use rayon::prelude::*;
+use scene::model::{
+    self, BsdfDesc, Coat, ConductorFresnel, FloatTex, HairColor, Roughness, RoughnessScale,
+};
+use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A material ready for use.
 pub struct Material {
@@ -19,6 +25,8 @@ pub struct Material {
     /// Tables over the coat's width: one if that is constant, else one for each of [`COAT_WIDTHS`].
     coats: Vec<CoatTable>,
     lobes: Vec<LobeParam>,
+    /// Of a principled surface.
+    tables: Option<PrincipledTables>,
     /// The surface's tangents matter.
     pub needs_tangents: bool,
 }
@@ -27,8 +35,8 @@ pub struct Material {
 const COAT_WIDTHS: [f32; 8] = [0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0];
 
 impl Material {
-    /// Compiles a description.
-    pub fn new(desc: &model::Material) -> Material {
+    /// Compiles a description, all but the tables that materials share.
+    fn new(desc: &model::Material) -> Material {
         let mut coats = vec![];
         let mut lobes = vec![];
         let mut anisotropic = false;
@@ -61,6 +69,10 @@ impl Material {
                     .collect();
                 anisotropic = described.iter().any(|l| l.c[0] != l.c[1]);
             }
+            BsdfDesc::Hair { .. } => anisotropic = true,
+            BsdfDesc::Principled(p) => {
+                anisotropic = p.anisotropy != FloatTex::Const(0.0) || p.coat_normal_map.is_some();
+            }
             _ => {}
         }
         let mapped = desc.normal_map.is_some() || desc.bump_map.is_some();
@@ -70,6 +82,7 @@ impl Material {
             bump_map: desc.bump_map,
             coats,
             lobes,
+            tables: None,
             needs_tangents: anisotropic || mapped,
         }
     }
@@ -121,27 +134,125 @@ pub struct Shading<'s> {
     pub bsdf: Bsdf<'s>,
     /// World to local and back.
     pub frame: Frame,
+    /// Where a normal or bump map has turned the frame: the unmapped shading normal, in the frame.
+    unmapped: Option<Vec3>,
+}
+
+impl Shading<'_> {
+    /// [`Bsdf::eval_pdf`] in the frame, with the terminator of mapped normals softened.
+    #[inline]
+    pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
+        let (f, pdf) = self.bsdf.eval_pdf(wo, wi);
+        match self.unmapped {
+            Some(n) => (f * terminator(n, wo, wi), pdf),
+            None => (f, pdf),
+        }
+    }
+
+    /// [`Bsdf::sample`] in the frame, with the terminator of mapped normals softened.
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let mut s = self.bsdf.sample(wo, u_lobe, u)?;
+        if let (Some(n), false) = (self.unmapped, s.delta) {
+            s.weight *= terminator(n, wo, s.wi);
+        }
+        Some(s)
+    }
+}
+
+/// Factor in [0, 1] on reflected light where a map has turned the normal away from `n`: light that grazes
+/// the real surface lights a facet turned towards it fully up to the moment it sets, which shows as a
+/// hard, jagged edge. The facet is darkened as if bumps of its slope shaded each other: with g = (n.i)
+/// / ((n'.i) (n.n')), g + g^2 - g^3 up to g = 1 [Chiang19, eq. 3]. Darkens only; light from behind the
+/// real surface is cut.
+#[inline]
+fn terminator(n: Vec3, wo: Vec3, wi: Vec3) -> f32 {
+    if wo.z * wi.z <= 0.0 {
+        return 1.0;
+    }
+    let side = if wo.z < 0.0 { -1.0 } else { 1.0 };
+    let real = math::dot(n, wi) * side;
+    if real <= 0.0 {
+        return 0.0;
+    }
+    let g = real / (wi.z.abs() * n.z);
+    if g < 1.0 && g > 0.0 {
+        g + g * g - g * g * g
+    } else {
+        1.0
+    }
 }
 
 impl Materials {
-    /// The scattering function at a point, or `None` where rays pass as if there were no surface.
-    /// `u` picks one of mixed materials.
+    /// Compiles descriptions, and the tables that they share.
+    pub fn new(described: &[model::Material]) -> Materials {
+        let mut list: Vec<Material> = described.par_iter().map(Material::new).collect();
+        // Curves by (bits of the index, sheet, solid), so that each is made once.
+        let mut curves: BTreeMap<(u32, bool, bool), Option<Arc<Curve>>> = BTreeMap::new();
+        for material in &list {
+            if let BsdfDesc::Principled(p) = &material.desc {
+                curves.insert(base_curve(p), None);
+                curves.insert(coat_curve(p), None);
+            }
+        }
+        if !curves.is_empty() {
+            let facets = Arc::new(Facets::new());
+            curves
+                .par_iter_mut()
+                .for_each(|((ior, pane, solid), curve)| {
+                    *curve = Some(Arc::new(Curve::new(f32::from_bits(*ior), *pane, *solid)));
+                });
+            for material in &mut list {
+                if let BsdfDesc::Principled(p) = &material.desc
+                    && let Some(Some(base)) = curves.get(&base_curve(p))
+                    && let Some(Some(coat)) = curves.get(&coat_curve(p))
+                {
+                    material.tables = Some(PrincipledTables {
+                        facets: facets.clone(),
+                        base: base.clone(),
+                        coat: coat.clone(),
+                    });
+                }
+            }
+        }
+        let mut materials = Materials { list };
+        materials.propagate_tangents();
+        materials
+    }
+
+    /// The scattering function at a point seen from `wo`, or `None` where rays pass as if there were no
+    /// surface. `u` picks one of mixed materials.
     #[inline]
     pub fn shade<'s>(
         &'s self,
         textures: &Textures,
         it: &Interaction,
+        wo: Vec3,
         u: f32,
     ) -> Option<Shading<'s>> {
         let material = self.resolve(textures, it, u);
-        let bsdf = material.bsdf(textures, &it.point)?;
-        let frame = if material.needs_tangents {
-            let ns = material.perturbed(textures, it);
-            shading_frame(ns, it.dpdu)
-        } else {
-            Frame::from_normal(it.ns)
-        };
-        Some(Shading { bsdf, frame })
+        if !material.needs_tangents {
+            let frame = Frame::from_normal(it.ns);
+            let bsdf = material.bsdf(textures, it, &frame)?;
+            return Some(Shading {
+                bsdf,
+                frame,
+                unmapped: None,
+            });
+        }
+        let ns = material.perturbed(textures, it, wo);
+        let frame = material.turned(textures, it, shading_frame(ns, it.dpdu));
+        let bsdf = material.bsdf(textures, it, &frame)?;
+        Some(Shading {
+            bsdf,
+            frame,
+            unmapped: (ns != it.ns).then(|| frame.to_local(it.ns)),
+        })
+    }
+
+    /// Whether rays always pass a surface of this material as if it were not there.
+    pub fn is_interface(&self, material: u32) -> bool {
+        matches!(self.list[material as usize].desc, BsdfDesc::Interface)
     }
 
     /// Follows mixes down to a material of its own.
@@ -168,7 +279,7 @@ impl Materials {
     }
 
     /// Whether a surface of this material needs tangents, whatever a mix picks.
-    pub fn propagate_tangents(&mut self) {
+    fn propagate_tangents(&mut self) {
         for i in 0..self.list.len() {
             let inner = match &self.list[i].desc {
                 BsdfDesc::Mix { a, b, .. } => vec![a.index(), b.index()],
@@ -182,7 +293,13 @@ impl Materials {
 
 impl Material {
     #[inline]
-    fn bsdf<'s>(&'s self, textures: &Textures, at: &Point) -> Option<Bsdf<'s>> {
+    fn bsdf<'s>(
+        &'s self,
+        textures: &Textures,
+        it: &Interaction,
+        frame: &Frame,
+    ) -> Option<Bsdf<'s>> {
+        let at = &it.point;
         let color = |t: &model::ColorTex| textures.color(t, at).max(Rgb::ZERO);
         let albedo = |t: &model::ColorTex| textures.color(t, at).clamp(Rgb::ZERO, Rgb::ONE);
         let alpha = |r: &Roughness| {
@@ -270,9 +387,110 @@ impl Material {
                 albedo(transmittance),
             )),
             BsdfDesc::Interface => return None,
+            BsdfDesc::Principled(p) => self.principled(p, textures, it, frame)?,
+            BsdfDesc::Hair {
+                color: pigment,
+                ior,
+                beta_m,
+                beta_n,
+                alpha: tilt,
+            } => {
+                let beta_n = textures.float(beta_n, at);
+                let absorption = match pigment {
+                    HairColor::Absorption(c) => color(c),
+                    HairColor::Reflectance(c) => Hair::absorption_of(albedo(c), beta_n),
+                    HairColor::Melanin {
+                        eumelanin,
+                        pheomelanin,
+                    } => Hair::absorption_of_melanin(
+                        textures.float(eumelanin, at),
+                        textures.float(pheomelanin, at),
+                    ),
+                };
+                // v runs across the strand.
+                let h = 2.0 * at.uv[0].y - 1.0;
+                let beta_m = textures.float(beta_m, at);
+                Bsdf::Hair(Hair::new(h, *ior, absorption, beta_m, beta_n, *tilt))
+            }
             // Resolved before.
             BsdfDesc::Mix { .. } | BsdfDesc::TwoSided { .. } => return None,
         })
+    }
+
+    #[inline(never)]
+    fn principled<'s>(
+        &'s self,
+        p: &model::Principled,
+        textures: &Textures,
+        it: &Interaction,
+        frame: &Frame,
+    ) -> Option<Bsdf<'s>> {
+        let at = &it.point;
+        let float = |t: &FloatTex| textures.float(t, at);
+        let color = |t: &model::ColorTex| textures.color(t, at);
+        let coat = float(&p.coat);
+        let coat_normal = if coat > 0.0 {
+            let n = match p.coat_normal_map {
+                Some((texture, strength)) => mapped(textures, it, texture.index(), strength),
+                None => it.ns,
+            };
+            frame.to_local(n)
+        } else {
+            Vec3::Z
+        };
+        let iridescence = float(&p.iridescence);
+        let params = PrincipledParams {
+            base_color: color(&p.base_color),
+            metallic: float(&p.metallic),
+            roughness: float(&p.roughness),
+            anisotropy: float(&p.anisotropy),
+            specular: float(&p.specular),
+            specular_color: color(&p.specular_color),
+            metal_edge: color(&p.metal_edge),
+            transmission: float(&p.transmission),
+            thin: p.thin,
+            diffuse_transmission: float(&p.diffuse_transmission),
+            diffuse_transmission_color: color(&p.diffuse_transmission_color),
+            coat,
+            coat_roughness: float(&p.coat_roughness),
+            coat_normal,
+            sheen_color: color(&p.sheen_color),
+            sheen_roughness: float(&p.sheen_roughness),
+            iridescence,
+            iridescence_ior: p.iridescence_ior,
+            iridescence_thickness: if iridescence > 0.0 {
+                float(&p.iridescence_thickness)
+            } else {
+                0.0
+            },
+        };
+        let tables = self.tables.as_ref()?;
+        Some(Bsdf::Principled(Principled::new(tables, &params)))
+    }
+
+    /// The frame with its first axis along the stretch of the highlight.
+    fn turned(&self, textures: &Textures, it: &Interaction, frame: Frame) -> Frame {
+        let BsdfDesc::Principled(p) = &self.desc else {
+            return frame;
+        };
+        if p.anisotropy == FloatTex::Const(0.0) {
+            return frame;
+        }
+        let mut along = Vec2::X;
+        if let Some(texture) = p.anisotropy_direction {
+            let [x, y, ..] = textures.eval(texture.index(), &it.point);
+            along = Vec2::new(2.0 * x - 1.0, 2.0 * y - 1.0);
+        }
+        let turn = textures.float(&p.anisotropy_rotation, &it.point) * (1.0 / 360.0);
+        let (sin, cos) = math::sin_cos_2pi(turn - turn.floor());
+        let along = Vec2::new(along.x * cos - along.y * sin, along.x * sin + along.y * cos);
+        // The second axis follows v, also where the texture is mirrored.
+        let t = if frame.t.dot(it.dpdv) < 0.0 {
+            -frame.t
+        } else {
+            frame.t
+        };
+        shading_frame(frame.n, frame.s * along.x + t * along.y)
     }
 
     /// The table for a width: the only one, or the nearest.
@@ -290,35 +508,65 @@ impl Material {
         &self.coats[best]
     }
 
-    /// The shading normal after normal and bump maps.
-    fn perturbed(&self, textures: &Textures, it: &Interaction) -> Vec3 {
+    /// The shading normal after normal and bump maps, turned so far that `wo` sees it and that its mirror
+    /// direction lies outside: what is turned away, or mirrors light into the surface, makes black rims.
+    fn perturbed(&self, textures: &Textures, it: &Interaction, wo: Vec3) -> Vec3 {
+        if self.normal_map.is_none() && self.bump_map.is_none() {
+            return it.ns;
+        }
         let mut ns = it.ns;
         if let Some((texture, strength)) = self.normal_map {
-            let [r, g, b, _] = textures.eval(texture, &it.point);
-            let local = Vec3::new(
-                (2.0 * r - 1.0) * strength,
-                (2.0 * g - 1.0) * strength,
-                2.0 * b - 1.0,
-            );
-            if local.dot(local) > 0.0 {
-                let mut frame = shading_frame(ns, it.dpdu);
-                // The second axis follows v, also where the texture is mirrored.
-                if frame.t.dot(it.dpdv) < 0.0 {
-                    frame.t = -frame.t;
-                }
-                ns = math::normalize(frame.to_world(math::normalize(local)));
-            }
+            ns = mapped(textures, it, texture, strength);
         }
         if let Some(bump) = &self.bump_map {
             ns = bumped(textures, it, ns, bump);
         }
-        // A normal that turns away from the geometric one makes black rims: keep it on its side.
+        // Nor may it turn away from the geometric normal.
         if ns.dot(it.ng) * it.ns.dot(it.ng) <= 0.0 {
-            it.ns
-        } else {
-            ns
+            return it.ns;
         }
+        const LEAST: f32 = 0.01;
+        let up = math::faceforward(it.ns, wo);
+        if up.dot(wo) <= LEAST {
+            return ns;
+        }
+        let side = if up == it.ns { 1.0 } else { -1.0 };
+        let mut seen = ns * side;
+        let cos = seen.dot(wo);
+        if cos < LEAST {
+            seen = math::normalize(seen + wo * (LEAST - cos));
+        }
+        bsdf::lifted(wo, seen, up) * side
     }
+}
+
+/// Which curves of reflectance a material needs: bits of the index, sheet, solid.
+fn base_curve(p: &model::Principled) -> (u32, bool, bool) {
+    let transmits = p.transmission != FloatTex::Const(0.0);
+    (p.ior.to_bits(), p.thin, transmits && !p.thin && p.ior > 0.0)
+}
+
+fn coat_curve(p: &model::Principled) -> (u32, bool, bool) {
+    (p.coat_ior.to_bits(), false, false)
+}
+
+/// The shading normal after a tangent-space normal map.
+fn mapped(textures: &Textures, it: &Interaction, texture: usize, strength: f32) -> Vec3 {
+    let [r, g, b, _] = textures.eval(texture, &it.point);
+    let local = Vec3::new(
+        (2.0 * r - 1.0) * strength,
+        (2.0 * g - 1.0) * strength,
+        2.0 * b - 1.0,
+    );
+    if local.dot(local) <= 0.0 {
+        return it.ns;
+    }
+    let mut frame = shading_frame(it.ns, it.dpdu);
+    // The second axis follows v, also where the texture is mirrored.
+    if frame.t.dot(it.dpdv) < 0.0 {
+        frame.t = -frame.t;
+    }
+    math::normalize(frame.to_world(math::normalize(local)))
 }
 
 /// Normal of the surface displaced along its normal [Blinn78].

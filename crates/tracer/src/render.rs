@@ -1,7 +1,7 @@
 //! One unit of work: the one entry point for workers.
 
 use crate::StopFlag;
-use crate::integrator::{debug, direct, path, whitted};
+use crate::integrator::{debug, direct, path, volpath, whitted};
 use crate::math::Rgb;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
@@ -70,6 +70,17 @@ pub fn render_sample(
     let time = scene.camera.time(moment);
     let ray = scene.camera.ray((center + offset) / size, Some(lens), time);
     match &scene.integrator {
+        Integrator::Path { max_depth } if scene.has_media => {
+            let limits = volpath::Limits {
+                events: *max_depth,
+                deltas: None,
+            };
+            finish(
+                scene,
+                volpath::sample(scene, ray, limits, &mut sampler, counters),
+                weight,
+            )
+        }
         Integrator::Path { max_depth } => finish(
             scene,
             path::sample(scene, ray, *max_depth, &mut sampler, counters),

@@ -7,6 +7,7 @@ use crate::geometry::Interaction;
 use crate::light::{Light, Lights};
 use crate::material::Materials;
 use crate::math::Rgb;
+use crate::medium::Media;
 use crate::ray::{Hit, NONE, Ray};
 use ::scene::model::{Integrator, SamplerKind};
 use film::TileGrid;
@@ -20,6 +21,10 @@ pub struct Scene {
     pub materials: Materials,
     /// What shines.
     pub lights: Lights,
+    /// What lies between surfaces.
+    pub media: Media,
+    /// Whether anything lies there: rays must then know where they are.
+    pub has_media: bool,
     /// The view.
     pub camera: Camera,
     /// Reconstruction filter.
@@ -54,7 +59,9 @@ impl Scene {
 
     /// Memory held, for the worker's budget.
     pub fn memory_bytes(&self) -> usize {
-        self.geometry.memory_bytes() + self.lights.lights.len() * size_of::<Light>()
+        self.geometry.memory_bytes()
+            + self.media.memory_bytes()
+            + self.lights.lights.len() * size_of::<Light>()
     }
 
     /// The closest hit.

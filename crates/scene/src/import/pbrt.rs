@@ -312,6 +312,8 @@ impl Importer<'_, '_> {
             images: Vec::new(),
             textures: self.textures,
             materials,
+            media: Vec::new(),
+            curves: Vec::new(),
             primitives,
             groups,
             instances,
@@ -407,6 +409,7 @@ impl Importer<'_, '_> {
             emission,
             alpha,
             reverse_orientation: reverse,
+            media: None,
         })
     }
 }

@@ -313,6 +313,8 @@ impl Reader<'_, '_, '_> {
             images: Vec::new(),
             textures,
             materials,
+            media: Vec::new(),
+            curves: Vec::new(),
             primitives,
             groups,
             instances,
@@ -394,6 +396,7 @@ impl Reader<'_, '_, '_> {
             projection,
             shutter: camera.shutter,
             shutter_curve: camera.shutter_curve.clone(),
+            medium: None,
         })
     }
 
@@ -708,6 +711,7 @@ impl Reader<'_, '_, '_> {
             emission,
             alpha,
             reverse_orientation,
+            media: None,
         })
     }
 

@@ -443,6 +443,7 @@ impl Writer<'_> {
                 inner: self.material_name(*inner)?,
             },
             BsdfDesc::Interface => json::Bsdf::Interface,
+            BsdfDesc::Principled(_) | BsdfDesc::Hair { .. } => todo!("NEXT"),
         };
         let normal_map = material.normal_map.map(|(id, strength)| json::NormalMap {
             texture: texture_name(id),
@@ -480,6 +481,7 @@ impl Writer<'_> {
                 height: *height,
             },
             Shape::Rectangle => json::Shape::Rectangle,
+            Shape::Curves(_) => todo!("NEXT"),
         };
         Ok(json::Primitive {
             shape,

@@ -247,6 +247,7 @@ fn bsdf(what: &str, bsdf: &BsdfDesc, index: usize, textures: usize, found: &mut 
             });
         }
         BsdfDesc::Interface => {}
+        BsdfDesc::Principled(_) | BsdfDesc::Hair { .. } => todo!("NEXT"),
         // Variants that others add are checked by whoever adds them.
         #[allow(unreachable_patterns)]
         _ => {}

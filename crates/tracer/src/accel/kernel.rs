@@ -213,6 +213,8 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
                 } else {
                     false
                 }
+            } else if kind == LeafKind::Curve as u32 {
+                curve::<ANY>(geometry, tree, index, instance, origin, direction, ray, hit)
             } else {
                 let block = geometry.deformed_block(tree, tree.deforming[index], ray.time);
                 triangles::<S, ANY>(geometry, tree, &block, &walker, instance, ray, hit)
@@ -335,6 +337,28 @@ fn quadric<const ANY: bool>(
         }
     }
     false
+}
+
+#[allow(clippy::too_many_arguments)]
+#[cold]
+#[inline(never)]
+fn curve<const ANY: bool>(
+    geometry: &Geometry,
+    tree: &Tree,
+    index: usize,
+    instance: u32,
+    origin: Vec3,
+    direction: Vec3,
+    ray: &Ray,
+    hit: &mut Hit,
+) -> bool {
+    let part = &tree.curves[index];
+    let set = &geometry.curves[part.set as usize];
+    let piece = &set.pieces[part.piece as usize];
+    match piece.intersect(set.kind, part.range, origin, direction, hit.t) {
+        Some((t, u, v)) => offer::<ANY>(geometry, tree, instance, part.prim, t, u, v, ray, hit),
+        None => false,
+    }
 }
 
 /// Takes a candidate if it comes before the best so far and its surface is not transparent there.

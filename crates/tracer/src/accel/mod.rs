@@ -7,6 +7,7 @@ pub mod simd;
 
 pub use simd::SimdLevel;
 
+use crate::geometry::curves::CurveSet;
 use crate::geometry::transform::Placement;
 use crate::geometry::{Surface, TriMesh};
 use crate::hash;
@@ -37,6 +38,8 @@ pub struct Geometry {
     pub surfaces: Vec<Surface>,
     /// Meshes of the surfaces.
     pub meshes: Vec<TriMesh>,
+    /// Sets of curves of the surfaces.
+    pub curves: Vec<CurveSet>,
     /// Textures (coverage is looked up while rays are traced).
     pub textures: Textures,
     /// Whether any surface has holes.
@@ -68,6 +71,13 @@ impl Geometry {
         }
     }
 
+    /// The surface of a hit.
+    #[inline]
+    pub fn surface_of(&self, hit: &Hit) -> &Surface {
+        let at = self.tree(hit.instance).prims[hit.prim as usize];
+        &self.surfaces[at.surface as usize]
+    }
+
     /// A block with one deforming triangle as it is at a time.
     #[cold]
     pub fn deformed_block(&self, tree: &Tree, prim: u32, time: f32) -> TriBlock {
@@ -89,7 +99,10 @@ impl Geometry {
             return true;
         };
         let mut point = Point::default();
-        if surface.mesh == NONE {
+        if surface.curves != NONE {
+            let piece = &self.curves[surface.curves as usize].pieces[at.index as usize];
+            point.uv = [piece.uv(hit.u, hit.v); 2];
+        } else if surface.mesh == NONE {
             let (shape, _) = &tree.quadrics[at.index as usize];
             let (origin, direction) = if hit.instance == NONE {
                 (ray.origin, ray.direction)
@@ -124,6 +137,11 @@ impl Geometry {
         self.world.memory_bytes()
             + self.groups.iter().map(Tree::memory_bytes).sum::<usize>()
             + self.meshes.iter().map(TriMesh::memory_bytes).sum::<usize>()
+            + self
+                .curves
+                .iter()
+                .map(CurveSet::memory_bytes)
+                .sum::<usize>()
             + self.instances.len() * size_of::<Placed>()
             + self.textures.memory_bytes()
     }

@@ -1,5 +1,6 @@
 //! The wide tree as it lies in memory.
 
+use crate::geometry::curves::CurvePart;
 use crate::geometry::quadric::Quadric;
 
 /// A node with up to eight children, 256 bytes.
@@ -45,6 +46,8 @@ pub enum LeafKind {
     Instance = 2,
     /// One deforming triangle.
     Deforming = 3,
+    /// One part of a curve.
+    Curve = 4,
 }
 
 /// The word of a leaf.
@@ -93,7 +96,7 @@ impl TriBlock {
 pub struct PrimRef {
     /// Index into the surfaces.
     pub surface: u32,
-    /// Triangle of the surface's mesh; 0 for other shapes.
+    /// Triangle of the surface's mesh, piece of its curves, index of its quadric.
     pub index: u32,
 }
 
@@ -110,6 +113,8 @@ pub struct Tree {
     pub quadrics: Vec<(Quadric, u32)>,
     /// Leaves of [`LeafKind::Deforming`]: primitives.
     pub deforming: Vec<u32>,
+    /// Leaves of [`LeafKind::Curve`].
+    pub curves: Vec<CurvePart>,
     /// Leaves of [`LeafKind::Instance`]: instances.
     pub instances: Vec<u32>,
     /// What a primitive is part of.
@@ -125,5 +130,6 @@ impl Tree {
             + self.blocks.len() * size_of::<TriBlock>()
             + self.prims.len() * size_of::<PrimRef>()
             + self.quadrics.len() * size_of::<(Quadric, u32)>()
+            + self.curves.len() * size_of::<CurvePart>()
     }
 }

@@ -37,6 +37,8 @@ fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
         ..Tree::default()
     };
     let surface = Surface {
+        media: None,
+        curves: NONE,
         mesh: 0,
         material: 0,
         alpha: None,
@@ -51,6 +53,7 @@ fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
         instances: vec![],
         surfaces: vec![surface],
         meshes: vec![mesh],
+        curves: vec![],
         textures: Textures::default(),
         has_alpha: false,
     }

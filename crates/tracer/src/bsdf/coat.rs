@@ -78,7 +78,7 @@ pub(super) struct Again {
 }
 
 /// The i-th of n points of the unit square: Hammersley's.
-fn hammersley(i: u32, n: u32) -> Vec2 {
+pub(super) fn hammersley(i: u32, n: u32) -> Vec2 {
     Vec2::new(
         (i as f32 + 0.5) / n as f32,
         (i.reverse_bits() >> 8) as f32 / 16_777_216.0 + 0.5 / n as f32,
@@ -86,7 +86,7 @@ fn hammersley(i: u32, n: u32) -> Vec2 {
 }
 
 /// Direction above with this cosine.
-fn at_cosine(cos: f32) -> Vec3 {
+pub(super) fn at_cosine(cos: f32) -> Vec3 {
     Vec3::new(safe_sqrt(1.0 - cos * cos), 0.0, cos)
 }
 

@@ -24,10 +24,12 @@ mod diffuse;
 mod diffuse_transmission;
 mod fresnel;
 mod ggx;
+mod hair;
 mod lafortune;
 mod mirror;
 mod oren_nayar;
 mod phong;
+mod principled;
 mod thin_dielectric;
 
 pub use coat::CoatTable;
@@ -39,10 +41,13 @@ pub use diffuse::Diffuse;
 pub use diffuse_transmission::DiffuseTransmission;
 pub use fresnel::{conductor_k_from_reflectance, fresnel_conductor, fresnel_dielectric};
 pub use ggx::Ggx;
+pub use hair::Hair;
 pub use lafortune::{Lafortune, LobeParam};
 pub use mirror::Mirror;
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;
+pub(crate) use principled::lifted;
+pub use principled::{Curve, Facets, Principled, PrincipledParams, PrincipledTables};
 pub use thin_dielectric::ThinDielectric;
 
 use crate::math::Rgb;
@@ -107,6 +112,10 @@ pub enum Bsdf<'s> {
     CoatedConductor(CoatedConductor<'s>),
     /// Lambert on both sides.
     DiffuseTransmission(DiffuseTransmission),
+    /// Everyday surfaces: sheen, coat, metal, glass, translucent and opaque dielectric.
+    Principled(Principled<'s>),
+    /// A fibre.
+    Hair(Hair),
     /// Nothing comes back.
     Black,
 }
@@ -137,6 +146,8 @@ impl Bsdf<'_> {
             Bsdf::CoatedDiffuse(b) => b.eval_pdf(wo, wi),
             Bsdf::CoatedConductor(b) => b.eval_pdf(wo, wi),
             Bsdf::DiffuseTransmission(b) => b.eval_pdf(wo, wi),
+            Bsdf::Principled(b) => b.eval_pdf(wo, wi),
+            Bsdf::Hair(b) => b.eval_pdf(wo, wi),
             Bsdf::Mirror(_) | Bsdf::ThinDielectric(_) | Bsdf::Black => (Rgb::ZERO, 0.0),
         }
     }
@@ -158,6 +169,8 @@ impl Bsdf<'_> {
             Bsdf::CoatedDiffuse(b) => b.sample(wo, u_lobe, u),
             Bsdf::CoatedConductor(b) => b.sample(wo, u_lobe, u),
             Bsdf::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
+            Bsdf::Principled(b) => b.sample(wo, u_lobe, u),
+            Bsdf::Hair(b) => b.sample(wo, u_lobe, u),
             Bsdf::Black => None,
         }
     }
@@ -170,6 +183,7 @@ impl Bsdf<'_> {
             Bsdf::Dielectric(b) => b.is_delta(),
             Bsdf::Conductor(b) => b.is_delta(),
             Bsdf::CoatedConductor(b) => b.is_delta(),
+            Bsdf::Principled(b) => b.is_delta(),
             _ => false,
         }
     }
@@ -191,6 +205,8 @@ impl Bsdf<'_> {
             Bsdf::CoatedDiffuse(b) => b.albedo(wo),
             Bsdf::CoatedConductor(b) => b.albedo(wo),
             Bsdf::DiffuseTransmission(b) => b.albedo(),
+            Bsdf::Principled(b) => b.albedo(wo),
+            Bsdf::Hair(b) => b.albedo(wo),
             Bsdf::Black => Rgb::ZERO,
         }
     }
@@ -198,10 +214,14 @@ impl Bsdf<'_> {
     /// Whether light passes to the other side.
     #[inline]
     pub fn transmits(&self) -> bool {
-        matches!(
-            self,
-            Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::DiffuseTransmission(_)
-        )
+        match self {
+            Bsdf::Dielectric(_)
+            | Bsdf::ThinDielectric(_)
+            | Bsdf::DiffuseTransmission(_)
+            | Bsdf::Hair(_) => true,
+            Bsdf::Principled(b) => b.transmits(),
+            _ => false,
+        }
     }
 }
 

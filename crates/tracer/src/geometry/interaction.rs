@@ -55,7 +55,25 @@ impl Interaction {
                 .placement
                 .at(ray.time)
         });
-        if surface.mesh == NONE {
+        if surface.curves != NONE {
+            let set = &geometry.curves[surface.curves as usize];
+            let d = match &transforms {
+                None => ray.direction,
+                Some((_, from)) => from.vector(ray.direction),
+            };
+            let o = match &transforms {
+                None => ray.origin,
+                Some((_, from)) => from.point(ray.origin),
+            };
+            let q = set.pieces[at.index as usize].point(set.kind, hit.u, hit.v, d);
+            p = o + d * hit.t;
+            // Always the side that the ray sees: curves have no inside.
+            (ng, ns) = (q.n, q.n);
+            point.uv = [q.uv; 2];
+            (dpdu, dpdv) = (q.dpdu, q.dpdv);
+            // Rays start outside of the strand, which turns towards each of them.
+            error = q.width;
+        } else if surface.mesh == NONE {
             let (shape, _) = &tree.quadrics[at.index as usize];
             let (o, d) = match &transforms {
                 None => (ray.origin, ray.direction),
@@ -100,6 +118,9 @@ impl Interaction {
         }
         if let Some((to, from)) = &transforms {
             p = to.point(p);
+            if surface.curves != NONE {
+                error = math::length(to.vector(dpdv));
+            }
             error += to.t.abs().max_element().max(p.abs().max_element()) * 4e-7;
             ng = math::normalize(from.transposed_vector(ng));
             ns = math::normalize(from.transposed_vector(ns));

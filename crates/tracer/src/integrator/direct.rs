@@ -1,6 +1,8 @@
-//! Direct light only, with multiple importance sampling; mirrors and glass are followed.
+//! Direct light only, with multiple importance sampling; mirrors and glass are followed. In media light
+//! scatters once too.
 
 use super::path;
+use super::volpath::{self, Limits};
 use crate::math::Rgb;
 use crate::ray::Ray;
 use crate::sampler::Sampler;
@@ -16,6 +18,13 @@ pub fn sample(
     sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
+    if scene.has_media {
+        let limits = Limits {
+            events: 1,
+            deltas: Some(max_depth),
+        };
+        return volpath::sample(scene, ray, limits, sampler, counters);
+    }
     let mut ray = ray;
     let mut throughput = Rgb::ONE;
     let mut layers: Option<LayerSample> = None;
@@ -58,17 +67,15 @@ fn follow(
     counters.rays += 1;
     let hit = scene.intersect(ray)?;
     let it = scene.interaction(ray, &hit);
+    let wo = -ray.direction;
     let numbers = sampler.bounce(scene.geometry.level);
     let shading = scene
         .materials
-        .shade(&scene.geometry.textures, &it, numbers.mix)?;
+        .shade(&scene.geometry.textures, &it, wo, numbers.mix)?;
     if !shading.bsdf.is_delta() {
         return None;
     }
-    let wo = -ray.direction;
-    let sampled = shading
-        .bsdf
-        .sample(shading.frame.to_local(wo), numbers.lobe, numbers.bsdf);
+    let sampled = shading.sample(shading.frame.to_local(wo), numbers.lobe, numbers.bsdf);
     Some(Followed {
         emitted: scene.emitted(&it, wo),
         layers: super::First::surface(&it, &shading, wo, hit.t).with(Rgb::ZERO),

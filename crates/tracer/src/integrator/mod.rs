@@ -4,16 +4,56 @@
 pub mod debug;
 pub mod direct;
 pub mod path;
+pub mod volpath;
 pub mod whitted;
 
 use crate::geometry::Interaction;
 use crate::light::{Light, LightSample};
 use crate::material::Shading;
 use crate::math::Rgb;
-use crate::ray::Ray;
+use crate::ray::{Hit, NONE, Ray};
 use crate::scene::Scene;
 use film::{Counters, LayerSample};
 use glam::{Vec2, Vec3};
+
+/// Surfaces without scattering (interfaces) that a path passes at most.
+const PASS_MAX: u32 = 1000;
+
+/// Passing borders that have no surface.
+struct Passing {
+    count: u32,
+    last: (u32, u32),
+    extra: f32,
+}
+
+impl Passing {
+    fn new() -> Passing {
+        Passing {
+            count: 0,
+            last: (NONE, NONE),
+            extra: 0.0,
+        }
+    }
+
+    /// Where a ray in direction `w` goes on; `None` after too many borders. A triangle far larger than its
+    /// distance is found with an error beyond the usual offset, again and again from the same place: each
+    /// time in a row the offset grows.
+    fn pass(&mut self, it: &Interaction, hit: &Hit, w: Vec3) -> Option<Vec3> {
+        self.count += 1;
+        if self.count > PASS_MAX {
+            return None;
+        }
+        let this = (hit.instance, hit.prim);
+        self.extra = if this == self.last {
+            (self.extra * 4.0).max(it.p.abs().max_element().max(1.0) * 1e-6)
+        } else {
+            0.0
+        };
+        self.last = this;
+        let side = if w.dot(it.ng) < 0.0 { -1.0 } else { 1.0 };
+        Some(it.origin_towards(w) + it.ng * (side * self.extra))
+    }
+}
 
 /// What a sample has gathered beside radiance: the layers of its first surface.
 #[derive(Clone, Copy)]
@@ -96,7 +136,7 @@ pub(crate) fn sampled_light(
         return Rgb::ZERO;
     };
     let wi = shading.frame.to_local(sample.wi);
-    let (f, pdf_bsdf) = shading.bsdf.eval_pdf(wo_local, wi);
+    let (f, pdf_bsdf) = shading.eval_pdf(wo_local, wi);
     if f == Rgb::ZERO {
         return Rgb::ZERO;
     }
@@ -126,7 +166,33 @@ pub(crate) fn is_shadowed(
         Some(q) => it.spawn_to(q),
         None => it.spawn(sample.wi),
     };
+    if scene.has_media {
+        return is_blocked(scene, ray, sample.target);
+    }
     scene.occluded(&ray)
+}
+
+/// Whether a surface stands in the way, where there may be borders without a surface: those of media.
+#[cold]
+fn is_blocked(scene: &Scene, mut ray: Ray, target: Option<Vec3>) -> bool {
+    let mut passing = Passing::new();
+    loop {
+        let Some(hit) = scene.intersect(&ray) else {
+            return false;
+        };
+        let material = scene.geometry.surface_of(&hit).material;
+        if !scene.materials.is_interface(material) {
+            return true;
+        }
+        let it = scene.interaction(&ray, &hit);
+        let Some(origin) = passing.pass(&it, &hit, ray.direction) else {
+            return true;
+        };
+        ray.origin = origin;
+        if let Some(q) = target {
+            ray.direction = q - origin;
+        }
+    }
 }
 
 /// Radiance from infinity along a ray; with `mis` = (pdf of the direction), each environment is

@@ -1,7 +1,7 @@
 //! The path tracer: next-event estimation and multiple importance sampling at every vertex
 //! [Kajiya86], [Veach95].
 
-use super::{First, from_infinity, power_heuristic, sampled_light, sky_alpha};
+use super::{First, PASS_MAX, from_infinity, power_heuristic, sampled_light, sky_alpha};
 use crate::math::Rgb;
 use crate::ray::{NONE, Ray};
 use crate::sampler::Sampler;
@@ -9,12 +9,10 @@ use crate::scene::Scene;
 use film::{Counters, LayerSample};
 
 /// First scattering event after which a path may end by chance.
-const ROULETTE_FROM: u32 = 2;
+pub(super) const ROULETTE_FROM: u32 = 2;
 /// A path goes on for certain while its throughput is above the reciprocal of this: on diffuse
 /// interreflection ending paths earlier costs more noise than it saves time.
-const ROULETTE_FACTOR: f32 = 3.0;
-/// Surfaces without scattering (interfaces) that a path passes at most between two events.
-const PASS_MAX: u32 = 1000;
+pub(super) const ROULETTE_FACTOR: f32 = 3.0;
 
 /// Radiance along a camera ray.
 #[inline]
@@ -82,7 +80,7 @@ pub fn sample(
         let numbers = sampler.bounce(scene.geometry.level);
         let Some(shading) = scene
             .materials
-            .shade(&scene.geometry.textures, &it, numbers.mix)
+            .shade(&scene.geometry.textures, &it, wo, numbers.mix)
         else {
             // No surface: go on in the same direction. The vertex that the direction left from, and
             // so its weight against light sampling, stay as they are.
@@ -118,7 +116,7 @@ pub fn sample(
                 radiance += bounded(scene, throughput * l, depth);
             }
         }
-        let Some(s) = shading.bsdf.sample(wo_local, numbers.lobe, numbers.bsdf) else {
+        let Some(s) = shading.sample(wo_local, numbers.lobe, numbers.bsdf) else {
             break;
         };
         throughput *= s.weight;
@@ -144,7 +142,7 @@ pub fn sample(
 
 /// The optional, biased bound on what indirect paths carry.
 #[inline(always)]
-fn bounded(scene: &Scene, radiance: Rgb, depth: u32) -> Rgb {
+pub(super) fn bounded(scene: &Scene, radiance: Rgb, depth: u32) -> Rgb {
     let most = radiance.max_element();
     if depth >= 2 && most > scene.clamp_indirect {
         radiance * (scene.clamp_indirect / most)
@@ -154,6 +152,6 @@ fn bounded(scene: &Scene, radiance: Rgb, depth: u32) -> Rgb {
 }
 
 /// Whether the sky is not to be seen directly.
-fn hidden_sky(scene: &Scene) -> bool {
+pub(super) fn hidden_sky(scene: &Scene) -> bool {
     !scene.lights.environments.is_empty() && sky_alpha(scene) == 0.0
 }

@@ -1,6 +1,6 @@
 //! The lecture's basic ray tracer [Whitted80]: pixel centre, lens centre, shutter opening, one shadow
 //! ray to every light (area lights as a point at their centroid), and at mirrors and glass one
-//! reflected and one refracted ray.
+//! reflected and one refracted ray. It knows no media: they are looked through.
 
 use super::First;
 use crate::geometry::Interaction;
@@ -39,7 +39,10 @@ fn trace(
     let wo = -ray.direction;
     let mut radiance = scene.emitted(&it, wo);
     // A mix has no place in this model: its larger part stands for it.
-    let Some(shading) = scene.materials.shade(&scene.geometry.textures, &it, 0.5) else {
+    let Some(shading) = scene
+        .materials
+        .shade(&scene.geometry.textures, &it, wo, 0.5)
+    else {
         first.get_or_insert(First::bare(&it, hit.t));
         return radiance
             + if depth_left > 0 {
@@ -65,8 +68,8 @@ fn trace(
         // The two choices of a pane are at the two ends of the uniform number; each comes back with
         // weight 1 / probability, so that its probability turns it into its share.
         let ends = [
-            shading.bsdf.sample(wo_local, 0.0, Vec2::splat(0.5)),
-            shading.bsdf.sample(wo_local, 0.999_999_9, Vec2::splat(0.5)),
+            shading.sample(wo_local, 0.0, Vec2::splat(0.5)),
+            shading.sample(wo_local, 0.999_999_9, Vec2::splat(0.5)),
         ];
         let mut done: Option<bool> = None;
         for s in ends.into_iter().flatten() {
@@ -106,7 +109,7 @@ fn from_light(
     let Some(sample) = sample else {
         return Rgb::ZERO;
     };
-    let f = shading.bsdf.eval(wo, shading.frame.to_local(sample.wi));
+    let f = shading.eval_pdf(wo, shading.frame.to_local(sample.wi)).0;
     if f == Rgb::ZERO || super::is_shadowed(scene, it, &sample, counters) {
         return Rgb::ZERO;
     }

@@ -81,7 +81,12 @@ pub fn importances<S: Simd>(cluster: &Cluster, p: Vec3, n: Vec3) -> [f32; 8] {
         (load(&cluster.cos_normals), load(&cluster.sin_normals)),
     );
     let (cos_out, _) = subtract::<S>((cos_x, sin_x), (cos_box, sin_box));
-    let cos_in = dot::<S>(wi, [n.x, n.y, n.z].map(S::F8::splat)).abs();
+    // In a medium there is no normal, and all directions count alike.
+    let cos_in = if n == Vec3::ZERO {
+        one
+    } else {
+        dot::<S>(wi, [n.x, n.y, n.z].map(S::F8::splat)).abs()
+    };
     let (cos_in, _) = subtract::<S>((cos_in, cosine::<S>(cos_in)), (cos_box, sin_box));
     // Lights close to the point must not make the bound infinite.
     let falloff = distance2.max(radius);

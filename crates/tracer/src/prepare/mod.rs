@@ -10,8 +10,9 @@ use crate::accel::{Geometry, SimdLevel};
 use crate::camera::Camera;
 use crate::camera::filter::FilterSampler;
 use crate::light::{Light, Lights, environment::Environment};
-use crate::material::{Material, Materials};
+use crate::material::Materials;
 use crate::math::{self, Rgb};
+use crate::medium::Media;
 use crate::scene::Scene;
 use crate::texture::Textures;
 use crate::texture::image::Image;
@@ -68,10 +69,9 @@ fn compile(
         images,
     };
 
-    let list: Vec<Material> = desc.materials.par_iter().map(Material::new).collect();
-    let mut materials = Materials { list };
-    materials.propagate_tangents();
-
+    let materials = Materials::new(&desc.materials);
+    check_media(desc)?;
+    let media = Media::new(desc);
     let placed = trees::build(desc, camera.shutter, stop)?;
     let (mut lights, light_of, surfaces) = lights::areas(desc, &placed);
     for light in &desc.lights {
@@ -79,6 +79,7 @@ fn compile(
     }
     let emissions = placed.emissions;
     let lights = Lights::new(lights, light_of, emissions, &textures, crate::simd());
+    let has_media = media.camera.is_some() || surfaces.iter().any(|s| s.media.is_some());
     let has_alpha = surfaces.iter().any(|s| s.alpha.is_some());
     let geometry = Geometry {
         level: SimdLevel::Scalar,
@@ -87,6 +88,7 @@ fn compile(
         instances: placed.instances,
         surfaces,
         meshes: placed.meshes,
+        curves: placed.curves,
         textures,
         has_alpha,
     };
@@ -98,6 +100,8 @@ fn compile(
         },
         materials,
         lights,
+        media,
+        has_media,
         camera,
         filter: FilterSampler::new(&film.filter),
         integrator: desc.integrator,
@@ -114,6 +118,36 @@ fn compile(
         max_component: film.max_component.unwrap_or(f32::INFINITY),
         clamp_indirect: settings.clamp_indirect.unwrap_or(f32::INFINITY),
     })
+}
+
+/// Refuses grids whose values are not those of their cells.
+fn check_media(desc: &SceneDesc) -> Result<(), PrepareError> {
+    for medium in &desc.media {
+        let Some(grid) = &medium.grid else { continue };
+        let parts = [
+            ("absorption", Some(&grid.absorption)),
+            ("scattering", Some(&grid.scattering)),
+            ("emission", grid.emission.as_ref()),
+        ];
+        for (what, part) in parts {
+            let Some(part) = part else { continue };
+            let cells = part
+                .size
+                .iter()
+                .try_fold(1u64, |n, s| n.checked_mul(u64::from(*s)));
+            let values = match &part.values {
+                model::GridValues::Scalar(v) => v.len(),
+                model::GridValues::Rgb(v) => v.len(),
+            };
+            if values == 0 || cells != Some(values as u64) {
+                return Err(PrepareError::Scene(format!(
+                    "medium {:?}: the grid of {what} has {} x {} x {} cells and {values} values",
+                    medium.name, part.size[0], part.size[1], part.size[2],
+                )));
+            }
+        }
+    }
+    Ok(())
 }
 
 fn convert(light: &model::Light, images: &[Image]) -> Light {

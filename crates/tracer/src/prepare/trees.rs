@@ -3,6 +3,7 @@
 use crate::accel::Placed;
 use crate::accel::build::{self, Bounds, Item};
 use crate::accel::node::{EMPTY, LeafKind, PrimRef, Tree};
+use crate::geometry::curves::{CurvePart, CurveSet};
 use crate::geometry::quadric::{Quadric, QuadricKind};
 use crate::geometry::transform::{Affine, Placement};
 use crate::geometry::{Surface, TriMesh};
@@ -20,6 +21,7 @@ pub struct Placing {
     pub instances: Vec<Placed>,
     pub surfaces: Vec<Surface>,
     pub meshes: Vec<TriMesh>,
+    pub curves: Vec<CurveSet>,
     pub emissions: Vec<Emission>,
 }
 
@@ -51,9 +53,11 @@ pub fn build(
     let mut plan_of: Vec<Option<u32>> = vec![None; desc.groups.len()];
 
     let mut world = Plan::default();
-    // What has no surface and does not shine is nothing: left in, it would stop shadow rays.
+    // What has no surface, borders on no medium and does not shine is nothing: left in, it would stop
+    // shadow rays.
     let is_nothing = |p: &&Primitive| {
         p.emission.is_none()
+            && sides(desc, p).is_none()
             && matches!(
                 desc.materials[p.material.index()].bsdf,
                 model::BsdfDesc::Interface
@@ -131,11 +135,13 @@ pub fn build(
         instances,
         surfaces: vec![],
         meshes: vec![],
+        curves: vec![],
         emissions: vec![],
     };
     // Surfaces are numbered plan by plan, so that their numbers do not depend on threads.
     let rectangle = rectangle();
     let mut first_surface = vec![];
+    let mut curve_jobs: Vec<(&model::Curves, DAffine3)> = vec![];
     let mut mesh_jobs: Vec<(&Mesh, DAffine3, bool)> = vec![];
     for plan in plans.iter().chain([&world]) {
         first_surface.push(out.surfaces.len() as u32);
@@ -155,7 +161,21 @@ pub fn build(
                     mesh_jobs.push((&rectangle, draft.transform, p.reverse_orientation));
                     mesh_jobs.len() as u32 - 1
                 }
-                Shape::Sphere { .. } | Shape::Disk { .. } => NONE,
+                Shape::Sphere { .. } | Shape::Disk { .. } | Shape::Curves(_) => NONE,
+            };
+            let curves = match p.shape {
+                Shape::Curves(id) => {
+                    let described = &desc.curves[id.index()];
+                    if p.emission.is_some() {
+                        return Err(PrepareError::Scene(format!(
+                            "curves {:?}: curves cannot give off light",
+                            described.name
+                        )));
+                    }
+                    curve_jobs.push((described, draft.transform));
+                    curve_jobs.len() as u32 - 1
+                }
+                _ => NONE,
             };
             let emission = match &p.emission {
                 None => NONE,
@@ -170,11 +190,13 @@ pub fn build(
             };
             out.surfaces.push(Surface {
                 mesh,
+                curves,
                 material: p.material.0,
                 alpha: p.alpha.filter(|a| *a != model::FloatTex::Const(1.0)),
                 // A quadric's normal goes through its transform, a triangle's comes from its corners,
                 // which a mirroring transform turns round.
                 flip: p.reverse_orientation != (mesh != NONE && mirrored),
+                media: sides(desc, p),
                 first_light: NONE,
                 emission,
             });
@@ -191,7 +213,16 @@ pub fn build(
         })
         .collect::<Result<_, _>>()?;
 
-    let (surfaces, meshes) = (&out.surfaces, &out.meshes);
+    out.curves = curve_jobs
+        .par_iter()
+        .map(|(curves, transform)| CurveSet::new(curves, transform))
+        .collect();
+
+    let parts = Parts {
+        surfaces: &out.surfaces,
+        meshes: &out.meshes,
+        curves: &out.curves,
+    };
     out.groups = plans
         .par_iter()
         .zip(&first_surface)
@@ -199,7 +230,7 @@ pub fn build(
             if stop.is_stopped() {
                 Err(PrepareError::Stopped)
             } else {
-                Ok(tree(plan, *first, surfaces, meshes, &[]))
+                Ok(tree(plan, *first, &parts, &[]))
             }
         })
         .collect::<Result<_, _>>()?;
@@ -218,8 +249,16 @@ pub fn build(
         })
         .collect();
     let first = first_surface[plans.len()];
-    out.world = tree(&world, first, surfaces, meshes, &placed);
+    out.world = tree(&world, first, &parts, &placed);
     Ok(out)
+}
+
+/// Indices of the media inside and outside of a primitive that is a border. Vacuum on both sides counts
+/// too, as the inside of a surface may be cut out of a medium, but not where there are no media.
+fn sides(desc: &SceneDesc, p: &Primitive) -> Option<[u32; 2]> {
+    let interface = p.media.filter(|_| !desc.media.is_empty())?;
+    let side = |m: Option<model::MediumId>| m.map_or(NONE, |m| m.0);
+    Some([side(interface.inside), side(interface.outside)])
 }
 
 /// Puts a primitive of the world into its plan, or makes it an instance if it moves.
@@ -275,13 +314,15 @@ fn swept(bounds: &Bounds, placement: &Placement, shutter: (f32, f32)) -> Bounds 
     all.padded(if fixed { 0.0 } else { step * 0.125 })
 }
 
-fn tree(
-    plan: &Plan,
-    first_surface: u32,
-    surfaces: &[Surface],
-    meshes: &[TriMesh],
-    placed: &[Item],
-) -> Tree {
+/// What surfaces are made of.
+struct Parts<'a> {
+    surfaces: &'a [Surface],
+    meshes: &'a [TriMesh],
+    curves: &'a [CurveSet],
+}
+
+fn tree(plan: &Plan, first_surface: u32, parts: &Parts, placed: &[Item]) -> Tree {
+    let (surfaces, meshes) = (parts.surfaces, parts.meshes);
     let mut tree = Tree {
         root: EMPTY,
         ..Tree::default()
@@ -290,6 +331,10 @@ fn tree(
     for (i, draft) in plan.drafts.iter().enumerate() {
         let index = first_surface + i as u32;
         let surface = &surfaces[index as usize];
+        if surface.curves != NONE {
+            add_curves(index, surface.curves, parts, &mut tree, &mut items);
+            continue;
+        }
         if surface.mesh == NONE {
             let (kind, transform) = quadric(&draft.primitive.shape, draft.transform);
             let shape = Quadric {
@@ -365,6 +410,32 @@ fn tree(
     tree
 }
 
+/// Puts the pieces of a set of curves into a tree, each in parts.
+fn add_curves(surface: u32, set: u32, parts: &Parts, tree: &mut Tree, items: &mut Vec<Item>) {
+    for (i, piece) in parts.curves[set as usize].pieces.iter().enumerate() {
+        let prim = tree.prims.len() as u32;
+        tree.prims.push(PrimRef {
+            surface,
+            index: i as u32,
+        });
+        let count = piece.parts();
+        for part in 0..count {
+            let range = [part, part + 1].map(|k| k as f32 / count as f32);
+            items.push(Item {
+                bounds: piece.bounds(range),
+                kind: LeafKind::Curve,
+                id: tree.curves.len() as u32,
+            });
+            tree.curves.push(CurvePart {
+                set,
+                piece: i as u32,
+                prim,
+                range,
+            });
+        }
+    }
+}
+
 /// Local shape of what is not a mesh, and its transform.
 fn quadric(shape: &Shape, transform: DAffine3) -> (QuadricKind, DAffine3) {
     match shape {
@@ -387,7 +458,9 @@ fn quadric(shape: &Shape, transform: DAffine3) -> (QuadricKind, DAffine3) {
             transform,
         ),
         // These have meshes and do not come here.
-        Shape::Mesh(_) | Shape::Rectangle => (QuadricKind::Sphere { radius: 0.0 }, transform),
+        Shape::Mesh(_) | Shape::Rectangle | Shape::Curves(_) => {
+            (QuadricKind::Sphere { radius: 0.0 }, transform)
+        }
     }
 }
 

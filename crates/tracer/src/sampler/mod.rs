@@ -41,6 +41,27 @@ pub struct BounceNumbers {
     pub mix: f32,
 }
 
+/// Numbers for a flight through a medium.
+#[derive(Clone, Copy, Debug)]
+pub struct FlightNumbers {
+    first: Vec2,
+    key: u64,
+    count: u64,
+}
+
+impl FlightNumbers {
+    /// A uniform number in [0, 1).
+    #[inline]
+    pub fn next_number(&mut self) -> f32 {
+        self.count += 1;
+        match self.count {
+            1 => self.first.x,
+            2 => self.first.y,
+            n => hash::to_unit(hash::mix(self.key ^ n << 32)),
+        }
+    }
+}
+
 impl Sampler {
     /// The sampler of one sample of one pixel.
     #[inline]
@@ -112,6 +133,19 @@ impl Sampler {
         }
         let [film, lens, time, _] = self.next_four(level);
         (film, lens, time.x)
+    }
+
+    /// Numbers for a flight through a medium, of which nobody knows how many it takes: the next dimension
+    /// for the first two, hashes of (sample, dimension, count) from then on.
+    #[inline]
+    pub fn flight(&mut self) -> FlightNumbers {
+        let key = hash::mix(self.key ^ (self.dimension as u64) << 32 ^ 0x666c_6967_6874);
+        let first = self.next_2d();
+        FlightNumbers {
+            first,
+            key: hash::mix(key ^ (self.index as u64)),
+            count: 0,
+        }
     }
 
     /// All numbers for a scattering event.

@@ -23,6 +23,7 @@ pub fn blank(width: u32, height: u32) -> SceneDesc {
             projection: orthographic((-1.0, 1.0), (-1.0, 1.0)),
             shutter: (0.0, 1.0),
             shutter_curve: ShutterCurve::Box,
+            medium: None,
         },
         film: FilmDesc {
             width,
@@ -40,6 +41,8 @@ pub fn blank(width: u32, height: u32) -> SceneDesc {
         images: vec![],
         textures: vec![],
         materials: vec![],
+        media: vec![],
+        curves: vec![],
         primitives: vec![],
         groups: vec![],
         instances: vec![],
@@ -163,6 +166,7 @@ impl Build for SceneDesc {
             emission: None,
             alpha: None,
             reverse_orientation: false,
+            media: None,
         });
         self.primitives.last_mut().unwrap()
     }

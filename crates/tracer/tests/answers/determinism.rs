@@ -101,6 +101,83 @@ fn busy(sampler: SamplerKind) -> SceneDesc {
     desc
 }
 
+/// The same with smoke in the air, a layered surface and a few hairs.
+fn hazy(sampler: SamplerKind) -> SceneDesc {
+    let mut desc = busy(sampler);
+    let grid = Arc::new(Grid {
+        size: [3, 4, 5],
+        values: GridValues::Scalar((0..60).map(|i| (i * 7 % 11) as f32 * 0.1).collect()),
+    });
+    desc.media.push(Medium {
+        name: "smoke".into(),
+        sigma_a: [0.1, 0.4, 0.9],
+        sigma_s: [3.0, 2.0, 1.0],
+        emission: [0.1, 0.0, 0.2],
+        g: 0.4,
+        grid: Some(MediumGrid {
+            transform: DAffine3::from_rotation_y(0.3),
+            bounds: [[-1.0, 0.0, -1.0], [1.0, 1.5, 1.0]],
+            absorption: grid.clone(),
+            scattering: grid,
+            emission: None,
+        }),
+    });
+    desc.media.push(Medium {
+        name: "haze".into(),
+        sigma_a: [0.01; 3],
+        sigma_s: [0.05, 0.06, 0.08],
+        emission: [0.0; 3],
+        g: 0.0,
+        grid: None,
+    });
+    let (smoke, haze) = (Some(MediumId(0)), Some(MediumId(1)));
+    desc.camera.medium = haze;
+    desc.place(
+        Shape::Sphere { radius: 1.1 },
+        at(0.0, 0.8, 0.0),
+        BsdfDesc::Interface,
+    )
+    .media = Some(MediumInterface {
+        inside: smoke,
+        outside: haze,
+    });
+    let layered = Principled {
+        metallic: FloatTex::Const(0.3),
+        transmission: FloatTex::Const(0.4),
+        coat: FloatTex::Const(0.7),
+        sheen_color: grey(0.2),
+        sheen_roughness: FloatTex::Const(0.4),
+        iridescence: FloatTex::Const(0.5),
+        ..Principled::default()
+    };
+    desc.place(
+        Shape::Sphere { radius: 0.3 },
+        at(0.0, 0.3, -0.2),
+        BsdfDesc::Principled(Box::new(layered)),
+    );
+    let strand = |i: i32| CurveSegment {
+        points: [0.0, 0.3, 0.6, 0.9]
+            .map(|y: f32| [0.1 * i as f32, y, 1.0 + 0.3 * y * y * i as f32 * 0.2]),
+        width: [0.03, 0.01],
+        u: [0.0, 1.0],
+        normals: [[0.0; 3]; 2],
+    };
+    desc.curves.push(Curves {
+        name: "hair".into(),
+        kind: CurveKind::Cylinder,
+        segments: Arc::new((-4..5).map(strand).collect()),
+    });
+    let hair = BsdfDesc::Hair {
+        color: HairColor::Reflectance(grey(0.6)),
+        ior: 1.55,
+        beta_m: FloatTex::Const(0.3),
+        beta_n: FloatTex::Const(0.3),
+        alpha: 2.0,
+    };
+    desc.place(Shape::Curves(CurvesId(0)), DAffine3::IDENTITY, hair);
+    desc
+}
+
 const SAMPLERS: [SamplerKind; 3] = [
     SamplerKind::OwenSobol,
     SamplerKind::Stratified,
@@ -142,8 +219,11 @@ fn add(a: &PixelSums, b: &PixelSums) -> PixelSums {
 
 #[test]
 fn units_can_be_cut_anywhere() {
-    for sampler in SAMPLERS {
-        let scene = compile(&busy(sampler), &MemorySource::new(), 5, 1);
+    for (sampler, build) in SAMPLERS
+        .into_iter()
+        .flat_map(|s| [(s, busy as fn(_) -> _), (s, hazy)])
+    {
+        let scene = compile(&build(sampler), &MemorySource::new(), 5, 1);
         for tile in 0..scene.grid().count() {
             let whole = unit(&scene, tile, 0, 8);
             let parts = [
@@ -163,7 +243,7 @@ fn units_can_be_cut_anywhere() {
 
 #[test]
 fn threads_of_the_preparation_change_nothing() {
-    let desc = busy(SamplerKind::OwenSobol);
+    let desc = hazy(SamplerKind::OwenSobol);
     let [one, four] = [1, 4].map(|threads| compile(&desc, &MemorySource::new(), 5, threads));
     for tile in 0..one.grid().count() {
         assert_eq!(
@@ -177,12 +257,14 @@ fn threads_of_the_preparation_change_nothing() {
 /// Any pixel can be rendered alone, and again.
 #[test]
 fn a_crop_is_a_part_of_the_picture() {
-    for integrator in [
-        Integrator::Path { max_depth: 8 },
-        Integrator::Whitted { max_depth: 4 },
-        Integrator::Normals,
+    for (integrator, build) in [
+        (Integrator::Path { max_depth: 8 }, busy as fn(_) -> _),
+        (Integrator::Path { max_depth: 8 }, hazy),
+        (Integrator::Direct { max_depth: 4 }, hazy),
+        (Integrator::Whitted { max_depth: 4 }, busy),
+        (Integrator::Normals, hazy),
     ] {
-        let mut desc = busy(SamplerKind::OwenSobol);
+        let mut desc: SceneDesc = build(SamplerKind::OwenSobol);
         desc.integrator = integrator;
         let full = Picture::of(&compile(&desc, &MemorySource::new(), 5, 1), 4);
         let [x0, y0, x1, y1] = [13, 40, 77, 66];

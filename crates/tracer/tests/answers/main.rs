@@ -12,12 +12,14 @@ mod common;
 
 mod cameras;
 mod convergence;
+mod curves;
 mod determinism;
 mod error_coverage;
 mod filters;
 mod furnace;
 mod irradiance;
 mod lights;
+mod media;
 mod motion;
 mod penumbra;
 mod references;

@@ -199,6 +199,7 @@ fn streak_of_a_turning_instance() {
         emission: shining(1.0),
         alpha: None,
         reverse_orientation: false,
+        media: None,
     };
     desc.groups.push(Group {
         name: String::new(),

@@ -245,6 +245,7 @@ impl Importer<'_, '_> {
             projection,
             shutter: (open, close),
             shutter_curve: ShutterCurve::Box,
+            medium: None,
         })
     }
 
@@ -474,5 +475,6 @@ fn default_camera() -> Camera {
         },
         shutter: (0.0, 1.0),
         shutter_curve: ShutterCurve::Box,
+        medium: None,
     }
 }

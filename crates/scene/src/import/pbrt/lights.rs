@@ -325,6 +325,7 @@ impl Importer<'_, '_> {
                 true,
             ),
             Shape::Rectangle => (4.0 * m.x_axis.cross(m.y_axis).length(), 1, true),
+            Shape::Curves(_) => todo!("NEXT"),
         }
     }
 }

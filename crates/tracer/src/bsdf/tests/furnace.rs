@@ -3,7 +3,7 @@
 use super::*;
 
 /// Mean weight with radiance brought back to power: transmission undone by eta^2.
-fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> (Rgb, f64) {
+pub(super) fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> (Rgb, f64) {
     let mut rng = TestRng::new(31);
     let mut sum = glam::DVec3::ZERO;
     let mut moments = Moments::default();

@@ -1,0 +1,382 @@
+//! The path tracer for scenes with participating media: [`super::path`] with flights between surfaces
+//! that may scatter, absorb and shine. Scenes without media never come here.
+//!
+//! Lights are sampled through media and through borders without a surface (interfaces); a shadow ray
+//! carries the transmittance, and the density with which a flight would have passed the same way, so
+//! that light sampling and scattering are weighed against each other with everything that happened in
+//! between (balance heuristic over both and over the channels [Veach95], [Miller19]; see
+//! [`crate::medium::track`]). A scattering event in a medium counts as one of the path's events.
+
+use super::path::{ROULETTE_FACTOR, ROULETTE_FROM, bounded, hidden_sky};
+use super::{First, Passing, sky_alpha};
+use crate::geometry::{Interaction, Surface};
+use crate::light::Light;
+use crate::material::Shading;
+use crate::math::{Rgb, length, mean};
+use crate::medium::track::{self, Carried, Flight, Shadow};
+use crate::medium::{FAR, phase};
+use crate::ray::{NONE, Ray};
+use crate::sampler::{BounceNumbers, Sampler};
+use crate::scene::Scene;
+use film::{Counters, LayerSample};
+use glam::Vec3;
+
+/// Which events end a path.
+#[derive(Clone, Copy)]
+pub struct Limits {
+    /// Scattering events.
+    pub events: u32,
+    /// Perfect mirrors and panes, where those are counted apart (direct light only).
+    pub deltas: Option<u32>,
+}
+
+/// Where light is gathered.
+#[derive(Clone, Copy)]
+enum Vertex<'a> {
+    Surface {
+        it: &'a Interaction,
+        shading: &'a Shading<'a>,
+        wo: Vec3,
+        /// What the surface is the border of.
+        sides: Option<[u32; 2]>,
+    },
+    Medium {
+        p: Vec3,
+        /// Way of travel.
+        d: Vec3,
+        g: f32,
+        time: f32,
+    },
+}
+
+/// The medium on the side of a surface that `w` points to.
+#[inline]
+fn beyond(sides: Option<[u32; 2]>, it: &Interaction, w: Vec3, current: u32) -> u32 {
+    match sides {
+        None => current,
+        Some([inside, outside]) => {
+            if w.dot(it.ng) < 0.0 {
+                inside
+            } else {
+                outside
+            }
+        }
+    }
+}
+
+/// Radiance along a camera ray.
+pub fn sample(
+    scene: &Scene,
+    mut ray: Ray,
+    limits: Limits,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) -> LayerSample {
+    let hero = ((sampler.next_1d() * 3.0) as usize).min(2);
+    let mut medium = scene.media.camera.unwrap_or(NONE);
+    let mut radiance = Rgb::ZERO;
+    let mut carried = Carried::START;
+    let mut first = First::NOTHING;
+    let mut seen_first = false;
+    let (mut depth, mut deltas) = (0, 0);
+    let mut passing = Passing::new();
+    let mut travelled = 0.0;
+    // Whether the last direction could have been sampled from lights, and the vertex it left from.
+    let mut by_lights = false;
+    let (mut last_p, mut last_n) = (ray.origin, ray.direction);
+    let mut eta_scale = 1.0f32;
+
+    loop {
+        counters.rays += 1;
+        let hit = scene.geometry.closest(&ray);
+        let scale = length(ray.direction);
+        if let Some(m) = scene.media.get(medium) {
+            let end = if hit.is_some() { hit.t * scale } else { FAR };
+            let d = ray.direction * (1.0 / scale);
+            let mut own = Rgb::ZERO;
+            let mut numbers = sampler.flight();
+            let flight = track::fly(
+                m,
+                hero,
+                (ray.origin, d),
+                end,
+                &mut numbers,
+                &mut carried,
+                &mut own,
+            );
+            if own != Rgb::ZERO {
+                radiance += bounded(scene, own, depth);
+            }
+            match flight {
+                Flight::Passed => {}
+                Flight::Ended => break,
+                Flight::Scattered { distance, at } => {
+                    let p = ray.origin + d * distance;
+                    if !seen_first {
+                        seen_first = true;
+                        let t = at.t();
+                        first = First {
+                            alpha: 1.0,
+                            albedo: Rgb::select(t.cmpgt(Rgb::ZERO), at.s / t, Rgb::ZERO),
+                            normal: Vec3::ZERO,
+                            depth: travelled + distance,
+                        };
+                    }
+                    carried.normalize();
+                    if depth >= limits.events {
+                        break;
+                    }
+                    depth += 1;
+                    counters.bounces += 1;
+                    let numbers = sampler.bounce(scene.geometry.level);
+                    let vertex = Vertex::Medium {
+                        p,
+                        d,
+                        g: m.g,
+                        time: ray.time,
+                    };
+                    let l = light(scene, vertex, medium, &carried, &numbers, sampler, counters);
+                    radiance += bounded(scene, l, depth);
+                    let (wi, pdf) = phase::sample(m.g, d, numbers.bsdf);
+                    if !survives(&mut carried, eta_scale, depth, numbers.roulette) {
+                        break;
+                    }
+                    carried.light = carried.unidirectional / pdf;
+                    by_lights = true;
+                    (last_p, last_n) = (p, Vec3::ZERO);
+                    ray = Ray::new(p, wi, ray.time);
+                    continue;
+                }
+            }
+        }
+        if !hit.is_some() {
+            if depth == 0 && deltas == 0 {
+                if !seen_first {
+                    // A medium covers as much as it takes away.
+                    let left = mean(carried.beta) / mean(carried.unidirectional);
+                    let sky = sky_alpha(scene);
+                    first.alpha = sky + (1.0 - sky) * (1.0 - left).clamp(0.0, 1.0);
+                }
+                if hidden_sky(scene) {
+                    break;
+                }
+            }
+            let l = from_infinity(scene, &ray, &carried, by_lights);
+            radiance += bounded(scene, l, depth);
+            break;
+        }
+        let it = scene.interaction(&ray, &hit);
+        let wo = ray.direction * (-1.0 / scale);
+        let le = scene.emitted(&it, wo);
+        if le != Rgb::ZERO {
+            let mut density = carried.unidirectional;
+            if by_lights && it.light != NONE {
+                density += carried.light * scene.lights.pdf_area(last_p, last_n, &it);
+            }
+            let l = carried.beta * le * (1.0 / mean(density));
+            radiance += bounded(scene, l, depth);
+        }
+        let surface: &Surface = scene.geometry.surface_of(&hit);
+        let numbers = sampler.bounce(scene.geometry.level);
+        let Some(shading) = scene
+            .materials
+            .shade(&scene.geometry.textures, &it, wo, numbers.mix)
+        else {
+            // A border without a surface: on in the same direction. The vertex that the direction left
+            // from, and its weight against light sampling, stay as they are.
+            let Some(origin) = passing.pass(&it, &hit, ray.direction) else {
+                break;
+            };
+            travelled += hit.t * scale;
+            medium = beyond(surface.media, &it, ray.direction, medium);
+            ray.origin = origin;
+            continue;
+        };
+        if !seen_first {
+            seen_first = true;
+            first = First::surface(&it, &shading, wo, travelled + hit.t * scale);
+        }
+        if depth >= limits.events {
+            break;
+        }
+        let delta = shading.bsdf.is_delta();
+        match limits.deltas {
+            Some(most) if delta => {
+                deltas += 1;
+                if deltas > most {
+                    break;
+                }
+            }
+            _ => depth += 1,
+        }
+        counters.bounces += 1;
+        carried.normalize();
+        let wo_local = shading.frame.to_local(wo);
+        if !delta {
+            let vertex = Vertex::Surface {
+                it: &it,
+                shading: &shading,
+                wo: wo_local,
+                sides: surface.media,
+            };
+            let l = light(scene, vertex, medium, &carried, &numbers, sampler, counters);
+            radiance += bounded(scene, l, depth);
+        }
+        let Some(s) = shading.sample(wo_local, numbers.lobe, numbers.bsdf) else {
+            break;
+        };
+        carried.beta *= s.weight;
+        if s.transmitted {
+            eta_scale *= s.eta * s.eta;
+        }
+        if !survives(&mut carried, eta_scale, depth, numbers.roulette) {
+            break;
+        }
+        by_lights = !s.delta;
+        carried.light = carried.unidirectional / s.pdf;
+        (last_p, last_n) = (it.p, it.ns);
+        let wi = shading.frame.to_world(s.wi);
+        medium = beyond(surface.media, &it, wi, medium);
+        ray = it.spawn(wi);
+    }
+    first.with(radiance)
+}
+
+/// Russian roulette on what the path still carries.
+#[inline]
+fn survives(carried: &mut Carried, eta_scale: f32, depth: u32, u: f32) -> bool {
+    if depth < ROULETTE_FROM {
+        return carried.beta != Rgb::ZERO;
+    }
+    let keep = (carried.beta.max_element() * eta_scale * ROULETTE_FACTOR).min(1.0);
+    // A throughput of NaN ends here too: nothing compares with it.
+    let goes_on = u < keep;
+    if goes_on {
+        carried.beta *= 1.0 / keep;
+    }
+    goes_on
+}
+
+/// Radiance from environments along a ray that meets nothing, weighted.
+fn from_infinity(scene: &Scene, ray: &Ray, carried: &Carried, by_lights: bool) -> Rgb {
+    let mut sum = Rgb::ZERO;
+    for &index in &scene.lights.environments {
+        let Light::Environment(e) = &scene.lights.lights[index as usize] else {
+            continue;
+        };
+        let le = e.le(&scene.geometry.textures.images, ray.direction);
+        let mut density = carried.unidirectional;
+        if by_lights {
+            density += carried.light * (scene.lights.pmf_infinite() * e.pdf(ray.direction));
+        }
+        sum += carried.beta * le * (1.0 / mean(density));
+    }
+    sum
+}
+
+/// Light sent on at a vertex from a sampled light, weighted against sampling directions.
+fn light(
+    scene: &Scene,
+    vertex: Vertex,
+    medium: u32,
+    carried: &Carried,
+    numbers: &BounceNumbers,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) -> Rgb {
+    let mut flight = sampler.flight();
+    let (p, n) = match vertex {
+        Vertex::Surface { it, .. } => (it.p, it.ns),
+        Vertex::Medium { p, .. } => (p, Vec3::ZERO),
+    };
+    let Some((light, pmf)) = scene.lights.choose(p, n, numbers.light_choice) else {
+        return Rgb::ZERO;
+    };
+    let textures = &scene.geometry.textures;
+    let Some(sample) = light.sample_li(textures, &scene.lights.emissions, p, numbers.light) else {
+        return Rgb::ZERO;
+    };
+    let (f, pdf, ray, mut within) = match vertex {
+        Vertex::Surface {
+            it,
+            shading,
+            wo,
+            sides,
+        } => {
+            let (f, pdf) = shading.eval_pdf(wo, shading.frame.to_local(sample.wi));
+            let ray = match sample.target {
+                Some(q) => it.spawn_to(q),
+                None => it.spawn(sample.wi),
+            };
+            (f, pdf, ray, beyond(sides, it, sample.wi, medium))
+        }
+        Vertex::Medium { p, d, g, time } => {
+            let f = phase::value(g, d, sample.wi);
+            let ray = match sample.target {
+                Some(q) => Ray {
+                    origin: p,
+                    direction: q - p,
+                    t_max: 0.9999,
+                    time,
+                },
+                None => Ray::new(p, sample.wi, time),
+            };
+            (Rgb::splat(f), f, ray, medium)
+        }
+    };
+    if f * sample.li == Rgb::ZERO {
+        return Rgb::ZERO;
+    }
+    // Through media and borders to the light.
+    let mut ray = ray;
+    let mut shadow = Shadow::START;
+    let mut passing = Passing::new();
+    loop {
+        counters.shadow_rays += 1;
+        let hit = scene.geometry.closest(&ray);
+        let blocked = hit.is_some()
+            && !scene
+                .materials
+                .is_interface(scene.geometry.surface_of(&hit).material);
+        if blocked {
+            return Rgb::ZERO;
+        }
+        let scale = length(ray.direction);
+        if let Some(m) = scene.media.get(within) {
+            // A ray to a point ends a little before it; the medium does not.
+            let end = match (hit.is_some(), sample.target) {
+                (true, _) => hit.t * scale,
+                (false, Some(_)) => scale,
+                (false, None) => FAR,
+            };
+            let d = ray.direction * (1.0 / scale);
+            track::shadow(m, (ray.origin, d), end, &mut flight, &mut shadow);
+            if shadow.through == Rgb::ZERO {
+                return Rgb::ZERO;
+            }
+        }
+        if !hit.is_some() {
+            break;
+        }
+        let it = scene.interaction(&ray, &hit);
+        within = beyond(
+            scene.geometry.surface_of(&hit).media,
+            &it,
+            ray.direction,
+            within,
+        );
+        let Some(origin) = passing.pass(&it, &hit, ray.direction) else {
+            return Rgb::ZERO;
+        };
+        ray.origin = origin;
+        if let Some(q) = sample.target {
+            ray.direction = q - origin;
+        }
+    }
+    let pdf_light = sample.pdf * pmf;
+    let mut density = carried.unidirectional * pdf_light;
+    if !sample.delta {
+        density += carried.unidirectional * shadow.unidirectional * pdf;
+    }
+    carried.beta * f * sample.li * shadow.through * (1.0 / mean(density))
+}
