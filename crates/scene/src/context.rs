@@ -99,6 +99,10 @@ impl<'a> Context<'a> {
     pub fn has_errors(&self) -> bool {
         self.errors > 0
     }
+    /// Whether missing files are stood in for.
+    pub fn allows_missing(&self) -> bool {
+        self.allow_missing
+    }
     /// Too many errors to be worth more reading.
     pub fn hopeless(&self) -> bool {
         self.errors >= 100

@@ -56,8 +56,10 @@ pub fn load_with_files(
         "json" => crate::native::import(&main, &mut cx).map(whole),
         "pbrt" => crate::import::pbrt::import(&main, &mut cx).map(whole),
         "gltf" | "glb" => crate::import::gltf::import(&main, &mut cx, look).map(partial),
+        "obj" => crate::import::obj::import(&main, &mut cx).map(partial),
+        "ply" => crate::import::ply_scene(&main, &mut cx).map(partial),
         _ => {
-            let reason = "not a scene: expected a .json, .pbrt, .gltf or .glb file";
+            let reason = "not a scene: expected a .json, .pbrt, .gltf, .glb, .obj or .ply file";
             return Err(SceneError::one(place, reason));
         }
     };
@@ -77,7 +79,7 @@ pub fn load_with_files(
     desc.meshes = std::mem::take(&mut cx.meshes);
     let mut done = Done::default();
     if let Some(has_camera) = partial {
-        done.names = true;
+        done.names = matches!(ending.as_str(), "gltf" | "glb");
         if !has_camera {
             done.target = stage::frame(&mut desc, look, overrides.size);
         }

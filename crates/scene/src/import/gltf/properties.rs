@@ -96,12 +96,12 @@ pub const EXTENSIONS: &[Extension] = &[
     ),
     full("KHR_texture_transform", ""),
     Extension {
-        name: "KHR_xmp_json_ld",
+        name: "KHR_xmp",
         support: Support::Metadata,
         note: "",
     },
     Extension {
-        name: "KHR_xmp",
+        name: "KHR_xmp_json_ld",
         support: Support::Metadata,
         note: "",
     },

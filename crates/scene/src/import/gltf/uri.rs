@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn uris_are_taken_apart() {
-        let check = |uri: &str, expect: Result<Uri, &str>| match (parse(uri), expect) {
+        let check = |uri: &str, expect: Result<Uri, &str>| match (parse(uri), expect.clone()) {
             (Ok(got), Ok(want)) => assert_eq!(got, want, "{uri}"),
             (Err(got), Err(want)) => assert!(got.contains(want), "{uri}: {got}"),
             (got, _) => panic!("{uri}: {got:?}, expected {expect:?}"),
