@@ -61,11 +61,25 @@ pub fn look_at(from: DVec3, at: DVec3, up: DVec3) -> Result<DAffine3, String> {
     ))
 }
 
-pub(crate) fn apply(desc: &mut SceneDesc, overrides: &Overrides, cx: &mut Context<'_>) {
-    let place = Place {
+/// Where settings come from, for messages about them.
+pub(crate) fn settings_place() -> Place {
+    Place {
         file: "job settings".into(),
         ..Place::default()
-    };
+    }
+}
+
+/// What a reader has already done about settings.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Done {
+    /// Cameras and variants were chosen by name.
+    pub names: bool,
+    /// What the camera looks at where settings move it without saying so; else the origin.
+    pub target: DVec3,
+}
+
+pub(crate) fn apply(desc: &mut SceneDesc, overrides: &Overrides, done: Done, cx: &mut Context<'_>) {
+    let place = settings_place();
     let keep = |result: Result<(), String>, cx: &mut Context<'_>| {
         if let Err(reason) = result {
             cx.error(Issue::new(&place, reason));
@@ -77,9 +91,9 @@ pub(crate) fn apply(desc: &mut SceneDesc, overrides: &Overrides, cx: &mut Contex
         keep(result, cx);
     }
     let look = &overrides.look;
-    let result = camera(&mut desc.camera, look);
+    let result = camera(&mut desc.camera, look, done.target);
     keep(result, cx);
-    if let Some(name) = &look.camera {
+    if let Some(name) = look.camera.as_ref().filter(|_| !done.names) {
         keep(
             Err(format!(
                 "the file has no camera {name:?}: it has one view only"
@@ -87,7 +101,7 @@ pub(crate) fn apply(desc: &mut SceneDesc, overrides: &Overrides, cx: &mut Contex
             cx,
         );
     }
-    if let Some(name) = &look.variant {
+    if let Some(name) = look.variant.as_ref().filter(|_| !done.names) {
         keep(Err(format!("the file has no variant {name:?}")), cx);
     }
     let result = environment(desc, look, cx);
@@ -125,7 +139,7 @@ fn size(desc: &mut SceneDesc, overrides: &Overrides) -> Result<(), String> {
     Ok(())
 }
 
-fn camera(camera: &mut Camera, look: &Look) -> Result<(), String> {
+fn camera(camera: &mut Camera, look: &Look, target: DVec3) -> Result<(), String> {
     let all = [look.look_from, look.look_at, look.up];
     if all
         .iter()
@@ -147,7 +161,7 @@ fn camera(camera: &mut Camera, look: &Look) -> Result<(), String> {
         let at = look.look_at.map_or_else(
             || {
                 if look.look_from.is_some() {
-                    DVec3::ZERO
+                    target
                 } else {
                     from - now.matrix3.z_axis
                 }
@@ -194,10 +208,7 @@ fn environment(desc: &mut SceneDesc, look: &Look, cx: &mut Context<'_>) -> Resul
         DVec3::new(s, 0.0, c),
     ));
     if let Some(path) = &look.env {
-        let place = Place {
-            file: "job settings".into(),
-            ..Place::default()
-        };
+        let place = settings_place();
         let image = cx
             .image_at(&place, path, Encoding::Auto)
             .map_err(|issue| issue.reason)?;

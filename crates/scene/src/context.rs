@@ -99,6 +99,10 @@ impl<'a> Context<'a> {
     pub fn has_errors(&self) -> bool {
         self.errors > 0
     }
+    /// Whether missing files are stood in for.
+    pub fn allows_missing(&self) -> bool {
+        self.allow_missing
+    }
     /// Too many errors to be worth more reading.
     pub fn hopeless(&self) -> bool {
         self.errors >= 100
@@ -199,8 +203,36 @@ impl<'a> Context<'a> {
             path,
             encoding,
             missing,
+            bytes: None,
         });
         self.infos.push(info);
+        self.image_ids.insert(key, id);
+        Ok(id)
+    }
+
+    /// Lists a picture that lies inside another file. `label` names it in messages and tells it from
+    /// others; a second one of the same label and encoding is the same picture.
+    pub fn image_bytes(
+        &mut self,
+        place: &Place,
+        label: &str,
+        bytes: AssetBytes,
+        encoding: Encoding,
+    ) -> Result<ImageId, Issue> {
+        let key = (label.to_owned(), encoding_key(encoding));
+        if let Some(&id) = self.image_ids.get(&key) {
+            return Ok(id);
+        }
+        let info = picture::probe_bytes(label, &bytes).map_err(|e| Issue::new(place, e))?;
+        self.charge(place, bytes.len() as u64)?;
+        let id = ImageId(self.images.len() as u32);
+        self.images.push(ImageDesc {
+            path: label.to_owned(),
+            encoding,
+            missing: false,
+            bytes: Some(bytes),
+        });
+        self.infos.push(Some(info));
         self.image_ids.insert(key, id);
         Ok(id)
     }

@@ -1,4 +1,44 @@
 //! Foreign formats, one a module.
 
+pub mod gltf;
+pub mod obj;
 pub mod pbrt;
 pub mod ply;
+pub(crate) mod stage;
+
+use crate::context::{Context, Issue};
+use crate::diagnostic::Place;
+use crate::model::{Motion, Primitive, SceneDesc, Shape};
+
+/// What a reader of a format with optional views returns.
+pub(crate) struct Imported {
+    /// Everything but meshes and pictures, which the context holds.
+    pub desc: SceneDesc,
+    /// Whether the file has a camera.
+    pub has_camera: bool,
+}
+
+/// A PLY file as a scene of its own: one grey mesh.
+pub(crate) fn ply_scene(main: &str, cx: &mut Context<'_>) -> Result<Imported, Issue> {
+    let place = Place {
+        file: main.to_owned(),
+        ..Place::default()
+    };
+    let mesh = cx.ply_mesh(&place, main)?;
+    let id = cx.add_mesh(&place, mesh)?;
+    let mut desc = stage::empty();
+    let surface = obj::grey("grey", &mut desc.materials);
+    desc.primitives.push(Primitive {
+        shape: Shape::Mesh(id),
+        transform: Motion::identity(),
+        material: surface.material,
+        emission: None,
+        alpha: None,
+        reverse_orientation: false,
+        media: None,
+    });
+    Ok(Imported {
+        desc,
+        has_camera: false,
+    })
+}

@@ -22,3 +22,5 @@ pub const MAX_INSTANCE_DEPTH: usize = 32;
 pub const MAX_PLACED_PRIMITIVES: u64 = 1 << 40;
 /// Findings that are listed; the rest is counted.
 pub const MAX_DIAGNOSTICS: usize = 1_000;
+/// Most cells of a grid by axis.
+pub const MAX_GRID_SIDE: u32 = 1 << 14;

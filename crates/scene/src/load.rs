@@ -1,8 +1,10 @@
 //! The way in: from a main file to a checked scene.
 
+use crate::apply::Done;
 use crate::assets::{AssetSource, RecordingSource, normalize};
 use crate::context::{Context, Issue};
 use crate::diagnostic::{Diagnostic, Place, SceneError, Severity};
+use crate::import::{Imported, stage};
 use crate::model::SceneDesc;
 use crate::overrides::Overrides;
 use std::collections::BTreeSet;
@@ -45,17 +47,24 @@ pub fn load_with_files(
         .rsplit_once('.')
         .map(|(_, e)| e.to_ascii_lowercase())
         .unwrap_or_default();
+    // Formats whose files always have a view of their own.
+    let whole = |desc: SceneDesc| (desc, None);
+    // Formats whose files may lack a camera and light.
+    let partial = |imported: Imported| (imported.desc, Some(imported.has_camera));
+    let look = &overrides.look;
     let result = match ending.as_str() {
-        "json" => crate::native::import(&main, &mut cx),
-        "pbrt" => crate::import::pbrt::import(&main, &mut cx),
-        "gltf" | "glb" => return Err(SceneError::one(place, "glTF is not supported yet")),
+        "json" => crate::native::import(&main, &mut cx).map(whole),
+        "pbrt" => crate::import::pbrt::import(&main, &mut cx).map(whole),
+        "gltf" | "glb" => crate::import::gltf::import(&main, &mut cx, look).map(partial),
+        "obj" => crate::import::obj::import(&main, &mut cx).map(partial),
+        "ply" => crate::import::ply_scene(&main, &mut cx).map(partial),
         _ => {
-            let reason = "not a scene: expected a .json, .pbrt, .gltf or .glb file";
+            let reason = "not a scene: expected a .json, .pbrt, .gltf, .glb, .obj or .ply file";
             return Err(SceneError::one(place, reason));
         }
     };
-    let mut desc = match result {
-        Ok(desc) => desc,
+    let (mut desc, partial) = match result {
+        Ok(result) => result,
         Err(issue) => {
             cx.error(issue);
             let diagnostics = cx.finish()?;
@@ -67,8 +76,17 @@ pub fn load_with_files(
         let diagnostics = cx.finish()?;
         return Err(SceneError { diagnostics });
     }
-    crate::apply::apply(&mut desc, overrides, &mut cx);
     desc.meshes = std::mem::take(&mut cx.meshes);
+    let mut done = Done::default();
+    if let Some(has_camera) = partial {
+        done.names = matches!(ending.as_str(), "gltf" | "glb");
+        if !has_camera {
+            done.target = stage::frame(&mut desc, look, overrides.size);
+        }
+        let sky = stage::sky(&mut desc, look, &main, &mut cx);
+        cx.keep(sky);
+    }
+    crate::apply::apply(&mut desc, overrides, done, &mut cx);
     desc.images = std::mem::take(&mut cx.images);
     crate::validate::drop_degenerate(&mut desc, &mut cx);
     for finding in crate::validate::validate(&desc) {

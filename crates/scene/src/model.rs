@@ -467,6 +467,16 @@ pub struct Grid {
     pub values: GridValues,
 }
 
+impl Grid {
+    /// Memory of the values.
+    pub fn memory_bytes(&self) -> u64 {
+        match &self.values {
+            GridValues::Scalar(v) => v.len() as u64 * 4,
+            GridValues::Rgb(v) => v.len() as u64 * 12,
+        }
+    }
+}
+
 /// What a [`Grid`] holds.
 #[derive(Clone, Debug, PartialEq)]
 pub enum GridValues {
@@ -508,9 +518,15 @@ pub struct CurveSegment {
     /// Full width at the start and the end, scene units; linear between.
     pub width: [f32; 2],
     /// Texture coordinate u (along the strand) at the start and the end; v runs across from 0 to 1.
+    #[serde(default = "whole")]
     pub u: [f32; 2],
     /// Normals of a ribbon at the start and the end; zero for the other kinds.
+    #[serde(default)]
     pub normals: [[f32; 3]; 2],
+}
+
+fn whole() -> [f32; 2] {
+    [0.0, 1.0]
 }
 
 /// Geometry in local space.
@@ -634,6 +650,9 @@ pub struct ImageDesc {
     pub encoding: Encoding,
     /// Missing, and allowed to be: the tracer uses a conspicuous stand-in.
     pub missing: bool,
+    /// The file itself, where it lies inside another one (glTF buffers and data URIs) or was made up
+    /// by the importer; `path` is then only a label for messages. `None` is a file of the scene.
+    pub bytes: Option<Arc<[u8]>>,
 }
 
 /// How the stored numbers of a picture become linear ones.
@@ -779,8 +798,15 @@ pub enum Texture {
         /// At (0,0), (0,1), (1,0), (1,1).
         corners: [Rgb; 4],
     },
-    /// Interpolated vertex colour.
+    /// Interpolated vertex colour; white where the mesh has none.
     VertexColor,
+    /// 1 in all four channels where `value` is at least `at`, elsewhere 0 (glTF's alpha masks).
+    Threshold {
+        /// What is compared.
+        value: FloatTex,
+        /// With what.
+        at: f32,
+    },
 }
 
 /// Either kind of parameter.

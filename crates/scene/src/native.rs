@@ -3,8 +3,9 @@
 //!
 //! [`write`] is the way back: what it writes reads as an equal description.
 
+mod arrays;
 mod buffer;
-mod locate;
+pub(crate) mod locate;
 mod read;
 mod schema;
 #[cfg(test)]

@@ -32,6 +32,25 @@ pub fn probe(
     Ok(header(path, &assets.read(path)?).and_then(within_limits))
 }
 
+/// The ending that a picture of this content usually has.
+pub(crate) fn ending(bytes: &[u8]) -> &'static str {
+    use image::ImageFormat as Format;
+    match image::guess_format(bytes) {
+        _ if bytes.starts_with(b"PF") || bytes.starts_with(b"Pf") => "pfm",
+        Ok(Format::Png) => "png",
+        Ok(Format::Jpeg) => "jpg",
+        Ok(Format::WebP) => "webp",
+        Ok(Format::Hdr) => "hdr",
+        Ok(Format::OpenExr) => "exr",
+        _ => "tga",
+    }
+}
+
+/// Probes a picture that is in memory already; `label` stands for its file name.
+pub fn probe_bytes(label: &str, bytes: &[u8]) -> Result<PictureInfo, String> {
+    header(label, bytes).and_then(within_limits)
+}
+
 fn within_limits(info: PictureInfo) -> Result<PictureInfo, String> {
     let PictureInfo { width, height, .. } = info;
     if width == 0 || height == 0 {

@@ -3,6 +3,7 @@
 
 mod geometry;
 mod materials;
+mod media;
 mod placement;
 
 use crate::context::Context;
@@ -81,6 +82,7 @@ pub fn validate(desc: &SceneDesc) -> Vec<Diagnostic> {
     settings(desc, &mut found);
     geometry::meshes(desc, &mut found);
     materials::check(desc, &mut found);
+    media::check(desc, &mut found);
     placement::check(desc, &mut found);
     found.0
 }

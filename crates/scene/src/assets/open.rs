@@ -4,8 +4,9 @@ use super::{AssetError, AssetSource, DirSource, ZipSource};
 use crate::diagnostic::{Place, SceneError};
 use std::path::Path;
 
-/// What a main file may end in.
-const EXTENSIONS: [&str; 4] = ["json", "pbrt", "gltf", "glb"];
+/// What a main file may end in: scenes proper before models, and these before meshes, which are
+/// mostly parts of the others.
+const EXTENSIONS: [&[&str]; 3] = [&["json", "pbrt", "gltf", "glb"], &["obj"], &["ply"]];
 
 fn extension(name: &str) -> Option<String> {
     Some(name.rsplit_once('.')?.1.to_ascii_lowercase())
@@ -21,14 +22,16 @@ pub fn find_main(listing: &[String]) -> Result<String, String> {
             .iter()
             .filter_map(|path| path.strip_prefix(top))
             .collect();
-        let mut found: Vec<&str> = here
+        let ending_in = |endings: &[&str]| -> Vec<&str> {
+            let fits = |name: &str| extension(name).is_some_and(|e| endings.contains(&e.as_str()));
+            let files = here.iter().copied();
+            files.filter(|n| !n.contains('/') && fits(n)).collect()
+        };
+        let mut found = EXTENSIONS
             .iter()
-            .copied()
-            .filter(|name| {
-                !name.contains('/')
-                    && extension(name).is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
-            })
-            .collect();
+            .map(|endings| ending_in(endings))
+            .find(|found| !found.is_empty())
+            .unwrap_or_default();
         if found.iter().any(|name| name.starts_with("scene.")) {
             found.retain(|name| name.starts_with("scene."));
         } else if found.iter().any(|name| !name.ends_with(".json")) {
@@ -51,7 +54,8 @@ pub fn find_main(listing: &[String]) -> Result<String, String> {
                     }
                     _ => {
                         return Err(
-                            "no scene in it: expected a .json, .pbrt, .gltf or .glb file".into(),
+                            "no scene in it: expected a .json, .pbrt, .gltf, .glb, .obj or .ply file"
+                                .into(),
                         );
                     }
                 }
@@ -125,6 +129,8 @@ mod tests {
         check(&["ToyCar.gltf", "metadata.json"], Ok("ToyCar.gltf"));
         check(&["room/a.ply", "room/room.pbrt"], Ok("room/room.pbrt"));
         check(&["a/b/c.glb"], Ok("a/b/c.glb"));
+        check(&["a.obj", "a.mtl", "b.ply"], Ok("a.obj"));
+        check(&["a.ply", "texture.png"], Ok("a.ply"));
         check(&["a.pbrt", "b.pbrt"], Err("several"));
         check(&["scene.json", "scene.pbrt"], Err("several"));
         check(&["x/a.pbrt", "y/b.pbrt"], Err("no scene"));

@@ -9,7 +9,7 @@ const MAGIC: &[u8; 8] = b"brmesh01";
 /// The most sets of texture coordinates, and of keys.
 const MAX_SETS: u64 = 4096;
 
-fn put<const N: usize>(out: &mut Vec<u8>, rows: &[[f32; N]]) {
+pub(super) fn put<const N: usize>(out: &mut Vec<u8>, rows: &[[f32; N]]) {
     out.extend_from_slice(&(rows.len() as u64).to_le_bytes());
     for x in rows.as_flattened() {
         out.extend_from_slice(&x.to_le_bytes());
@@ -47,16 +47,16 @@ pub(super) fn write(mesh: &Mesh) -> Vec<u8> {
     out
 }
 
-struct Reader<'a> {
-    rest: &'a [u8],
-    size: usize,
+pub(super) struct Reader<'a> {
+    pub(super) rest: &'a [u8],
+    pub(super) size: usize,
 }
 
 impl Reader<'_> {
-    fn fail<T>(&self, reason: &str) -> Result<T, String> {
+    pub(super) fn fail<T>(&self, reason: &str) -> Result<T, String> {
         Err(format!("{reason}, at byte {}", self.size - self.rest.len()))
     }
-    fn bytes<const N: usize>(&mut self) -> Result<[u8; N], String> {
+    pub(super) fn bytes<const N: usize>(&mut self) -> Result<[u8; N], String> {
         match self.rest.split_first_chunk::<N>() {
             Some((bytes, rest)) => {
                 self.rest = rest;
@@ -65,10 +65,10 @@ impl Reader<'_> {
             None => self.fail("the file ends too early"),
         }
     }
-    fn count(&mut self) -> Result<u64, String> {
+    pub(super) fn count(&mut self) -> Result<u64, String> {
         self.bytes().map(u64::from_le_bytes)
     }
-    fn rows<const N: usize, T>(
+    pub(super) fn rows<const N: usize, T>(
         &mut self,
         from: impl Fn([u8; 4]) -> T + Copy,
     ) -> Result<Vec<[T; N]>, String> {
@@ -87,7 +87,7 @@ impl Reader<'_> {
             .map(|row| std::array::from_fn(|i| from(row[i])))
             .collect())
     }
-    fn floats<const N: usize>(&mut self) -> Result<Vec<[f32; N]>, String> {
+    pub(super) fn floats<const N: usize>(&mut self) -> Result<Vec<[f32; N]>, String> {
         self.rows(f32::from_le_bytes)
     }
 }

@@ -15,7 +15,7 @@ fn path(levels: &[Level]) -> String {
 }
 
 /// A name as a part of a pointer.
-pub(super) fn escape(name: &str) -> String {
+pub(crate) fn escape(name: &str) -> String {
     name.replace('~', "~0").replace('/', "~1")
 }
 
@@ -82,7 +82,7 @@ fn walk(bytes: &[u8], mut value: impl FnMut(&[Level], usize) -> bool) -> Vec<Lev
 }
 
 /// The pointer of the innermost value that contains a position (line and column from 1).
-pub(super) fn pointer(text: &str, line: usize, column: usize) -> String {
+pub(crate) fn pointer(text: &str, line: usize, column: usize) -> String {
     let start: usize = text
         .split_inclusive('\n')
         .take(line.saturating_sub(1))
@@ -93,7 +93,7 @@ pub(super) fn pointer(text: &str, line: usize, column: usize) -> String {
 }
 
 /// Line and column of the value that a pointer names.
-pub(super) fn position(text: &str, pointer: &str) -> Option<(u32, u32)> {
+pub(crate) fn position(text: &str, pointer: &str) -> Option<(u32, u32)> {
     let mut found = None;
     walk(text.as_bytes(), |levels, at| {
         if path(levels) == pointer {

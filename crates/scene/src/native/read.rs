@@ -1,7 +1,10 @@
 //! From JSON to a description.
 
+mod materials;
+mod media;
+
 use super::schema as json;
-use super::values::{ColorValue, FloatValue, Placement, Step};
+use super::values::{Placement, Step};
 use super::{buffer, locate};
 use crate::context::{Context, Issue};
 use crate::diagnostic::Place;
@@ -66,6 +69,8 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
         textures: BTreeMap::new(),
         materials: BTreeMap::new(),
         meshes: BTreeMap::new(),
+        media: BTreeMap::new(),
+        curves: BTreeMap::new(),
         groups: BTreeMap::new(),
     };
     let desc = reader.scene(scene);
@@ -104,6 +109,8 @@ struct Reader<'c, 'a, 't> {
     textures: BTreeMap<String, TextureId>,
     materials: BTreeMap<String, MaterialId>,
     meshes: BTreeMap<String, MeshId>,
+    media: BTreeMap<String, MediumId>,
+    curves: BTreeMap<String, CurvesId>,
     groups: BTreeMap<String, GroupId>,
 }
 
@@ -220,6 +227,7 @@ impl Reader<'_, '_, '_> {
     }
 
     fn scene(&mut self, scene: json::Scene) -> Result<SceneDesc, Issue> {
+        let media = self.media(&scene.media);
         let camera = self.camera(&scene.camera);
         let camera = self.keep("/camera", camera);
         let integrator =
@@ -263,6 +271,7 @@ impl Reader<'_, '_, '_> {
                 self.meshes.insert(name, MeshId(u32::MAX));
             }
         }
+        let curves = self.all_curves(scene.curves);
         for (index, (name, _)) in scene.groups.0.iter().enumerate() {
             self.groups.insert(name.clone(), GroupId(index as u32));
         }
@@ -313,8 +322,8 @@ impl Reader<'_, '_, '_> {
             images: Vec::new(),
             textures,
             materials,
-            media: Vec::new(),
-            curves: Vec::new(),
+            media,
+            curves,
             primitives,
             groups,
             instances,
@@ -396,207 +405,10 @@ impl Reader<'_, '_, '_> {
             projection,
             shutter: camera.shutter,
             shutter_curve: camera.shutter_curve.clone(),
-            medium: None,
-        })
-    }
-
-    fn image(&mut self, name: &str, pointer: &str) -> Result<ImageId, String> {
-        if let Some(&id) = self.images.get(name) {
-            return Ok(id);
-        }
-        let place = self.at(pointer);
-        self.cx
-            .image(&place, name, Encoding::Auto)
-            .map_err(|issue| {
-                let near =
-                    crate::suggest::did_you_mean(name, self.images.keys().map(String::as_str));
-                format!("{}{near}", issue.reason)
-            })
-    }
-
-    fn color(&self, value: &ColorValue) -> Result<ColorTex, String> {
-        match value {
-            ColorValue::Const(rgb) => Ok(ColorTex::Const(*rgb)),
-            ColorValue::Texture(name) => {
-                lookup("texture", name, &self.textures).map(ColorTex::Texture)
-            }
-        }
-    }
-
-    fn float(&self, value: &FloatValue) -> Result<FloatTex, String> {
-        match value {
-            FloatValue::Const(v) => Ok(FloatTex::Const(*v)),
-            FloatValue::Texture(name, channel) => {
-                lookup("texture", name, &self.textures).map(|id| FloatTex::Texture(id, *channel))
-            }
-        }
-    }
-
-    fn texture(&mut self, texture: &json::Texture, pointer: &str) -> Result<Texture, String> {
-        Ok(match texture {
-            json::Texture::Constant { value } => Texture::Constant { value: *value },
-            json::Texture::Image {
-                image,
-                map: m,
-                wrap,
-                nearest,
-                invert,
-                scale,
-            } => Texture::Image {
-                image: self.image(image, &format!("{pointer}/image/image"))?,
-                map: map(m),
-                wrap: *wrap,
-                nearest: *nearest,
-                invert: *invert,
-                scale: *scale,
+            medium: match &camera.medium {
+                Some(name) => Some(lookup("medium", name, &self.media)?),
+                None => None,
             },
-            json::Texture::Checkerboard { map: m, even, odd } => Texture::Checkerboard {
-                map: map(m),
-                even: self.color(even)?,
-                odd: self.color(odd)?,
-            },
-            json::Texture::Scale { a, by, by_color } => Texture::Scale {
-                a: self.color(a)?,
-                b: match (by, by_color) {
-                    (Some(by), None) => FloatOrColor::Float(self.float(by)?),
-                    (None, Some(by)) => FloatOrColor::Color(self.color(by)?),
-                    _ => return Err("a product needs one of \"by\" and \"by_color\"".into()),
-                },
-            },
-            json::Texture::Mix { a, b, amount } => Texture::Mix {
-                a: self.color(a)?,
-                b: self.color(b)?,
-                amount: self.float(amount)?,
-            },
-            json::Texture::Bilerp { map: m, corners } => Texture::Bilerp {
-                map: map(m),
-                corners: corners.map(|c| c.0),
-            },
-            json::Texture::VertexColor => Texture::VertexColor,
-        })
-    }
-
-    fn roughness(&self, roughness: &json::Roughness) -> Result<Roughness, String> {
-        let u = self.float(&roughness.u)?;
-        let v = roughness.v.as_ref().map_or(Ok(u), |v| self.float(v))?;
-        Ok(Roughness {
-            u,
-            v,
-            scale: roughness.scale,
-        })
-    }
-
-    fn fresnel(&self, fresnel: &json::Fresnel) -> Result<ConductorFresnel, String> {
-        Ok(match fresnel {
-            json::Fresnel::EtaK { eta, k } => ConductorFresnel::EtaK {
-                eta: self.color(eta)?,
-                k: self.color(k)?,
-            },
-            json::Fresnel::Reflectance(r) => ConductorFresnel::Reflectance(self.color(r)?),
-        })
-    }
-
-    fn coat(&self, coat: &json::Coat) -> Result<Coat, String> {
-        Ok(Coat {
-            ior: coat.ior,
-            roughness: self.roughness(&coat.roughness)?,
-            thickness: coat.thickness,
-            albedo: coat.albedo.0,
-            g: coat.g,
-            max_depth: coat.max_depth,
-            samples: coat.samples,
-        })
-    }
-
-    fn material(&self, name: &str, material: &json::Material) -> Result<Material, String> {
-        let other = |name: &String| lookup("material", name, &self.materials);
-        let bsdf = match &material.bsdf {
-            json::Bsdf::Diffuse { reflectance } => BsdfDesc::Diffuse {
-                reflectance: self.color(reflectance)?,
-            },
-            json::Bsdf::OrenNayar { reflectance, sigma } => BsdfDesc::OrenNayar {
-                reflectance: self.color(reflectance)?,
-                sigma: self.float(sigma)?,
-            },
-            json::Bsdf::Phong {
-                diffuse,
-                specular,
-                exponent,
-            } => BsdfDesc::Phong {
-                diffuse: self.color(diffuse)?,
-                specular: self.color(specular)?,
-                exponent: self.float(exponent)?,
-            },
-            json::Bsdf::Lafortune { diffuse, lobes } => BsdfDesc::Lafortune {
-                diffuse: self.color(diffuse)?,
-                lobes: lobes.clone(),
-            },
-            json::Bsdf::Mirror { reflectance } => BsdfDesc::Mirror {
-                reflectance: self.color(reflectance)?,
-            },
-            json::Bsdf::Dielectric {
-                ior,
-                roughness,
-                reflect_tint,
-                transmit_tint,
-            } => BsdfDesc::Dielectric {
-                ior: *ior,
-                roughness: self.roughness(roughness)?,
-                reflect_tint: self.color(reflect_tint)?,
-                transmit_tint: self.color(transmit_tint)?,
-            },
-            json::Bsdf::ThinDielectric { ior } => BsdfDesc::ThinDielectric { ior: *ior },
-            json::Bsdf::Conductor { fresnel, roughness } => BsdfDesc::Conductor {
-                fresnel: self.fresnel(fresnel)?,
-                roughness: self.roughness(roughness)?,
-            },
-            json::Bsdf::CoatedDiffuse { reflectance, coat } => BsdfDesc::CoatedDiffuse {
-                reflectance: self.color(reflectance)?,
-                coat: self.coat(coat)?,
-            },
-            json::Bsdf::CoatedConductor {
-                fresnel,
-                roughness,
-                coat,
-            } => BsdfDesc::CoatedConductor {
-                fresnel: self.fresnel(fresnel)?,
-                roughness: self.roughness(roughness)?,
-                coat: self.coat(coat)?,
-            },
-            json::Bsdf::DiffuseTransmission {
-                reflectance,
-                transmittance,
-            } => BsdfDesc::DiffuseTransmission {
-                reflectance: self.color(reflectance)?,
-                transmittance: self.color(transmittance)?,
-            },
-            json::Bsdf::Mix { a, b, amount } => BsdfDesc::Mix {
-                a: other(a)?,
-                b: other(b)?,
-                amount: self.float(amount)?,
-            },
-            json::Bsdf::TwoSided { inner } => BsdfDesc::TwoSided {
-                inner: other(inner)?,
-            },
-            json::Bsdf::Interface => BsdfDesc::Interface,
-        };
-        let normal_map = match &material.normal_map {
-            Some(map) => Some((
-                lookup("texture", &map.texture, &self.textures)?,
-                map.strength,
-            )),
-            None => None,
-        };
-        let bump_map = material
-            .bump_map
-            .as_ref()
-            .map(|b| self.float(b))
-            .transpose()?;
-        Ok(Material {
-            name: name.to_owned(),
-            bsdf,
-            normal_map,
-            bump_map,
         })
     }
 
@@ -682,6 +494,11 @@ impl Reader<'_, '_, '_> {
                 height,
             }),
             json::Shape::Rectangle => Some(Shape::Rectangle),
+            json::Shape::Curves(name) => {
+                let id = lookup("bundle of curves", &name, &self.curves);
+                self.keep(&format!("{pointer}/shape/curves"), id)
+                    .map(Shape::Curves)
+            }
         };
         let material = lookup("material", &primitive.material, &self.materials);
         let material = self.keep(&format!("{pointer}/material"), material);
@@ -703,6 +520,12 @@ impl Reader<'_, '_, '_> {
         };
         let alpha = primitive.alpha.as_ref().map(|a| self.float(a)).transpose();
         let alpha = self.keep(&format!("{pointer}/alpha"), alpha)?;
+        let media = primitive
+            .media
+            .as_ref()
+            .map(|m| self.interface(m))
+            .transpose();
+        let media = self.keep(&format!("{pointer}/media"), media)?;
         let reverse_orientation = primitive.reverse_orientation;
         Some(Primitive {
             shape: shape?,
@@ -711,7 +534,7 @@ impl Reader<'_, '_, '_> {
             emission,
             alpha,
             reverse_orientation,
-            media: None,
+            media,
         })
     }
 

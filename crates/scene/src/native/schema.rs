@@ -1,10 +1,22 @@
 //! The JSON of a scene as types. The JSON Schema in `api/` is generated from them.
 
-use super::values::{Color, ColorValue, FloatValue, Named, Placement};
+mod defaults;
+mod media;
+mod principled;
+mod shapes;
+mod surfaces;
+
+pub use media::{Curves, Grid, Medium, MediumGrid, MediumInterface};
+pub use principled::{Hair, HairColor, Principled};
+pub use shapes::{Emission, Group, Instance, Mesh, Primitive, Shape};
+pub use surfaces::{Bsdf, Coat, Fresnel, Map, Material, NormalMap, Roughness, Texture};
+
+use super::values::{Color, Named, Placement};
 use crate::model::{
-    Animation, Aperture, Filter, FovAxis, LafortuneLobe, RoughnessScale, SamplerKind, ScreenWindow,
-    ShutterCurve, SphereMapping, SpotFalloff, Wrap,
+    Animation, Aperture, Filter, FovAxis, SamplerKind, ScreenWindow, ShutterCurve, SphereMapping,
+    SpotFalloff,
 };
+use defaults::{no, one, white_color};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -40,9 +52,15 @@ pub struct Scene {
     /// Materials; one refers only to those before it.
     #[serde(default, skip_serializing_if = "Named::is_empty")]
     pub materials: Named<Material>,
+    /// Participating media.
+    #[serde(default, skip_serializing_if = "Named::is_empty")]
+    pub media: Named<Medium>,
     /// Meshes.
     #[serde(default, skip_serializing_if = "Named::is_empty")]
     pub meshes: Named<Mesh>,
+    /// Bundles of hair, fur, grass.
+    #[serde(default, skip_serializing_if = "Named::is_empty")]
+    pub curves: Named<Curves>,
     /// Groups of shapes, for instances.
     #[serde(default, skip_serializing_if = "Named::is_empty")]
     pub groups: Named<Group>,
@@ -86,6 +104,9 @@ pub struct Camera {
     pub shutter: (f64, f64),
     /// How much the shutter lets through over time.
     pub shutter_curve: ShutterCurve,
+    /// What fills the space around the camera: the name of a medium; vacuum by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub medium: Option<String>,
 }
 
 /// How points of the picture become rays.
@@ -115,34 +136,6 @@ pub enum Projection {
         /// Layout on the picture.
         mapping: SphereMapping,
     },
-}
-
-fn one() -> f64 {
-    1.0
-}
-fn one_f32() -> f32 {
-    1.0
-}
-fn is_one(x: &f32) -> bool {
-    *x == 1.0
-}
-fn no(x: &bool) -> bool {
-    !*x
-}
-fn white() -> ColorValue {
-    ColorValue::Const([1.0; 3])
-}
-fn white_color() -> Color {
-    Color([1.0; 3])
-}
-fn half() -> ColorValue {
-    ColorValue::Const([0.5; 3])
-}
-fn zero() -> FloatValue {
-    FloatValue::Const(0.0)
-}
-fn glass() -> f32 {
-    1.5
 }
 
 /// A thin lens.
@@ -239,448 +232,6 @@ pub enum Encoding {
     Linear,
     /// A power, in millionths.
     GammaMicros(u32),
-}
-
-/// From surface to texture.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Map {
-    /// Texture coordinates of the mesh.
-    Uv {
-        /// Which set.
-        #[serde(default)]
-        set: u32,
-        /// s = m0 u + m1 v + m2, t = m3 u + m4 v + m5.
-        #[serde(default = "plain")]
-        matrix: [f64; 6],
-    },
-    /// World position through a matrix of three rows of four.
-    Planar {
-        /// World to texture.
-        matrix: [f64; 12],
-    },
-}
-
-fn plain() -> [f64; 6] {
-    [1.0, 0.0, 0.0, 0.0, 1.0, 0.0]
-}
-
-impl Default for Map {
-    fn default() -> Self {
-        Map::Uv {
-            set: 0,
-            matrix: plain(),
-        }
-    }
-}
-
-fn repeat() -> (Wrap, Wrap) {
-    (Wrap::Repeat, Wrap::Repeat)
-}
-fn ones() -> [f32; 4] {
-    [1.0; 4]
-}
-
-/// A texture.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Texture {
-    /// The same everywhere.
-    Constant {
-        /// RGBA.
-        value: [f32; 4],
-    },
-    /// A picture.
-    Image {
-        /// The name of a picture, or a path.
-        image: String,
-        /// Where.
-        #[serde(default)]
-        map: Map,
-        /// Outside [0, 1], by axis.
-        #[serde(default = "repeat")]
-        wrap: (Wrap, Wrap),
-        /// Nearest pixel instead of bilinear.
-        #[serde(default, skip_serializing_if = "no")]
-        nearest: bool,
-        /// 1 - value, before scale.
-        #[serde(default, skip_serializing_if = "no")]
-        invert: bool,
-        /// Factor on RGBA.
-        #[serde(default = "ones")]
-        scale: [f32; 4],
-    },
-    /// Unit squares.
-    Checkerboard {
-        /// Where.
-        #[serde(default)]
-        map: Map,
-        /// On even cells.
-        even: ColorValue,
-        /// On odd cells.
-        odd: ColorValue,
-    },
-    /// Product.
-    Scale {
-        /// A colour.
-        a: ColorValue,
-        /// Times a number...
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        by: Option<FloatValue>,
-        /// ...or times a colour.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        by_color: Option<ColorValue>,
-    },
-    /// (1 - amount) a + amount b.
-    Mix {
-        /// Where amount is 0.
-        a: ColorValue,
-        /// Where amount is 1.
-        b: ColorValue,
-        /// Weight.
-        amount: FloatValue,
-    },
-    /// Bilinear between the corners (0,0), (0,1), (1,0), (1,1).
-    Bilerp {
-        /// Where.
-        #[serde(default)]
-        map: Map,
-        /// Colours.
-        corners: [Color; 4],
-    },
-    /// Interpolated vertex colour.
-    VertexColor,
-}
-
-/// Tangent-space normal map.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct NormalMap {
-    /// The texture.
-    pub texture: String,
-    /// Strength on x and y.
-    #[serde(default = "one_f32")]
-    pub strength: f32,
-}
-
-/// A surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Material {
-    /// How it scatters.
-    pub bsdf: Bsdf,
-    /// Normal map.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub normal_map: Option<NormalMap>,
-    /// Displacement along the normal, for shading.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub bump_map: Option<FloatValue>,
-}
-
-/// Width of a microfacet lobe.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Roughness {
-    /// Along the tangent.
-    pub u: FloatValue,
-    /// Along the bitangent; as along the tangent by default.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub v: Option<FloatValue>,
-    /// What the numbers are.
-    #[serde(default = "alpha")]
-    pub scale: RoughnessScale,
-}
-
-fn alpha() -> RoughnessScale {
-    RoughnessScale::Alpha
-}
-
-impl Default for Roughness {
-    fn default() -> Self {
-        Roughness {
-            u: zero(),
-            v: None,
-            scale: RoughnessScale::Alpha,
-        }
-    }
-}
-
-/// Optical constants of a metal.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Fresnel {
-    /// Complex index of refraction by channel.
-    EtaK {
-        /// Real part.
-        eta: ColorValue,
-        /// Imaginary part.
-        k: ColorValue,
-    },
-    /// Reflectance at normal incidence.
-    Reflectance(ColorValue),
-}
-
-/// A dielectric layer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Coat {
-    /// Index of refraction.
-    pub ior: f32,
-    /// Microfacet width.
-    pub roughness: Roughness,
-    /// Scene units.
-    pub thickness: f32,
-    /// Scattering albedo of the medium inside; 0 is clear.
-    pub albedo: Color,
-    /// Its asymmetry.
-    pub g: f32,
-    /// Bounces inside.
-    pub max_depth: u32,
-    /// Walks averaged for a value.
-    pub samples: u32,
-}
-
-impl Default for Coat {
-    fn default() -> Self {
-        let roughness = Roughness::default();
-        Coat {
-            ior: 1.5,
-            roughness,
-            thickness: 0.01,
-            albedo: Color([0.0; 3]),
-            g: 0.0,
-            max_depth: 10,
-            samples: 1,
-        }
-    }
-}
-
-/// How a surface scatters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Bsdf {
-    /// Lambert.
-    Diffuse {
-        /// Albedo.
-        #[serde(default = "half")]
-        reflectance: ColorValue,
-    },
-    /// Rough diffuse.
-    OrenNayar {
-        /// Albedo.
-        reflectance: ColorValue,
-        /// Spread of the facets, degrees.
-        sigma: FloatValue,
-    },
-    /// Modified Phong.
-    Phong {
-        /// Diffuse albedo.
-        diffuse: ColorValue,
-        /// Specular albedo.
-        specular: ColorValue,
-        /// Exponent.
-        exponent: FloatValue,
-    },
-    /// Generalised cosine lobes.
-    Lafortune {
-        /// Diffuse albedo.
-        diffuse: ColorValue,
-        /// Lobes.
-        lobes: Vec<LafortuneLobe>,
-    },
-    /// Perfect mirror.
-    Mirror {
-        /// Fraction reflected.
-        #[serde(default = "white")]
-        reflectance: ColorValue,
-    },
-    /// Glass.
-    Dielectric {
-        /// Index of refraction.
-        #[serde(default = "glass")]
-        ior: f32,
-        /// Microfacet width; smooth by default.
-        #[serde(default)]
-        roughness: Roughness,
-        /// Factor on what is reflected.
-        #[serde(default = "white")]
-        reflect_tint: ColorValue,
-        /// Factor on what is transmitted.
-        #[serde(default = "white")]
-        transmit_tint: ColorValue,
-    },
-    /// A thin pane.
-    ThinDielectric {
-        /// Index of refraction.
-        #[serde(default = "glass")]
-        ior: f32,
-    },
-    /// Metal.
-    Conductor {
-        /// Optical constants.
-        fresnel: Fresnel,
-        /// Microfacet width; smooth by default.
-        #[serde(default)]
-        roughness: Roughness,
-    },
-    /// A diffuse base under a layer.
-    CoatedDiffuse {
-        /// Albedo of the base.
-        #[serde(default = "half")]
-        reflectance: ColorValue,
-        /// The layer.
-        #[serde(default)]
-        coat: Coat,
-    },
-    /// A metal under a layer.
-    CoatedConductor {
-        /// The metal.
-        fresnel: Fresnel,
-        /// Its microfacet width.
-        #[serde(default)]
-        roughness: Roughness,
-        /// The layer.
-        #[serde(default)]
-        coat: Coat,
-    },
-    /// Lambert on both sides.
-    DiffuseTransmission {
-        /// Fraction sent back.
-        reflectance: ColorValue,
-        /// Fraction sent through.
-        transmittance: ColorValue,
-    },
-    /// One of two materials, by a weight.
-    Mix {
-        /// Where amount is 0.
-        a: String,
-        /// Where amount is 1.
-        b: String,
-        /// Weight of b.
-        amount: FloatValue,
-    },
-    /// The same on both sides.
-    TwoSided {
-        /// A material.
-        inner: String,
-    },
-    /// No surface.
-    Interface,
-}
-
-/// A mesh: one of `ply`, `buffer` and `positions`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Mesh {
-    /// A PLY file.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub ply: Option<String>,
-    /// A binary file as `convert` writes it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub buffer: Option<String>,
-    /// Vertices.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub positions: Option<Vec<[f32; 3]>>,
-    /// Normals.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub normals: Vec<[f32; 3]>,
-    /// Texture coordinates.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub uvs: Vec<[f32; 2]>,
-    /// Linear RGBA.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub colors: Vec<[f32; 4]>,
-    /// Triangles.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub indices: Vec<[u32; 3]>,
-}
-
-/// Geometry.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Shape {
-    /// A mesh by name.
-    Mesh(String),
-    /// A PLY file.
-    Ply(String),
-    /// A mesh written here.
-    Triangles(Box<Mesh>),
-    /// A sphere about the origin.
-    Sphere {
-        /// Radius.
-        radius: f64,
-    },
-    /// A disk with normal +Z.
-    Disk {
-        /// Radius.
-        radius: f64,
-        /// Radius of the hole.
-        #[serde(default)]
-        inner_radius: f64,
-        /// Along z.
-        #[serde(default)]
-        height: f64,
-    },
-    /// The square [-1, 1]^2 with normal +Z.
-    Rectangle,
-}
-
-/// Light given off.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Emission {
-    /// Radiance.
-    pub radiance: ColorValue,
-    /// Factor.
-    #[serde(default = "one_f32", skip_serializing_if = "is_one")]
-    pub scale: f32,
-    /// Both sides shine.
-    #[serde(default, skip_serializing_if = "no")]
-    pub two_sided: bool,
-}
-
-/// A shape with its surface.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Primitive {
-    /// Geometry.
-    pub shape: Shape,
-    /// The name of a material.
-    pub material: String,
-    /// Where.
-    #[serde(default, skip_serializing_if = "Placement::is_identity")]
-    pub transform: Placement,
-    /// Light given off.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub emission: Option<Emission>,
-    /// Coverage.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub alpha: Option<FloatValue>,
-    /// The outside becomes the inside.
-    #[serde(default, skip_serializing_if = "no")]
-    pub reverse_orientation: bool,
-}
-
-/// Shapes that are placed together.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Group {
-    /// Shapes.
-    pub primitives: Vec<Primitive>,
-    /// Groups inside this one.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub instances: Vec<Instance>,
-}
-
-/// A placed group.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Instance {
-    /// The group's name.
-    pub group: String,
-    /// Where.
-    #[serde(default, skip_serializing_if = "Placement::is_identity")]
-    pub transform: Placement,
 }
 
 /// A light that is not a shape.

@@ -1,5 +1,7 @@
 //! What Brolly's own files mean, and what is refused.
 
+mod matter;
+
 use crate::assets::MemorySource;
 use crate::model::*;
 use crate::{Look, Overrides, load};

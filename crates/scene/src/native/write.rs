@@ -1,5 +1,8 @@
 //! From a description back to JSON and the files beside it.
 
+mod materials;
+mod media;
+
 use super::buffer;
 use super::schema as json;
 use super::values::{Color, ColorValue, FloatValue, Key, Named, Placement, Step};
@@ -41,15 +44,30 @@ pub fn write(desc: &SceneDesc, assets: &dyn AssetSource) -> Result<Written, Writ
         meshes.push((mesh.name.clone(), entry));
         files.push((path, bytes));
     }
+    let media = writer.media(&mut files);
+    let curves = writer.curves(&mut files);
     let mut images: Vec<(String, json::Image)> = Vec::new();
     for (index, image) in desc.images.iter().enumerate() {
-        if !image.missing && !files.iter().any(|(path, _)| *path == image.path) {
-            files.push((image.path.clone(), assets.read(&image.path)?.to_vec()));
+        // A picture that lies inside another file becomes one of its own; what it is says its content.
+        let file = match &image.bytes {
+            None => image.path.clone(),
+            Some(bytes) => {
+                let same = |other: &&ImageDesc| other.bytes.as_ref() == Some(bytes);
+                let first = desc.images.iter().position(|i| same(&i)).unwrap_or(index);
+                format!("images/{first:05}.{}", crate::picture::ending(bytes))
+            }
+        };
+        if !image.missing && !files.iter().any(|(path, _)| *path == file) {
+            let bytes = match &image.bytes {
+                Some(bytes) => bytes.to_vec(),
+                None => assets.read(&file)?.to_vec(),
+            };
+            files.push((file.clone(), bytes));
         }
         images.push((
             format!("i{index}"),
             json::Image {
-                file: image.path.clone(),
+                file,
                 encoding: encoding(image.encoding),
             },
         ));
@@ -84,7 +102,14 @@ pub fn write(desc: &SceneDesc, assets: &dyn AssetSource) -> Result<Written, Writ
     } = desc.film.clone();
     let scene = json::Scene {
         brolly: 1,
-        camera: camera(&desc.camera),
+        camera: json::Camera {
+            medium: desc
+                .camera
+                .medium
+                .map(|id| writer.medium_name(id))
+                .transpose()?,
+            ..camera(&desc.camera)
+        },
         film: json::Film {
             size: [width, height],
             crop,
@@ -99,7 +124,9 @@ pub fn write(desc: &SceneDesc, assets: &dyn AssetSource) -> Result<Written, Writ
         images: Named(images),
         textures: Named(textures.collect::<Result<_, WriteError>>()?),
         materials: Named(materials.collect::<Result<_, WriteError>>()?),
+        media: Named(media),
         meshes: Named(meshes),
+        curves: Named(curves),
         groups: Named(groups.collect::<Result<_, WriteError>>()?),
         primitives: writer.primitives(&desc.primitives)?,
         instances: writer.instances(&desc.instances)?,
@@ -244,36 +271,6 @@ fn texture_name(id: TextureId) -> String {
     format!("t{}", id.0)
 }
 
-fn roughness(r: &Roughness) -> json::Roughness {
-    json::Roughness {
-        u: float(&r.u),
-        v: (r.v != r.u).then(|| float(&r.v)),
-        scale: r.scale,
-    }
-}
-
-fn fresnel(f: &ConductorFresnel) -> json::Fresnel {
-    match f {
-        ConductorFresnel::EtaK { eta, k } => json::Fresnel::EtaK {
-            eta: color(eta),
-            k: color(k),
-        },
-        ConductorFresnel::Reflectance(r) => json::Fresnel::Reflectance(color(r)),
-    }
-}
-
-fn coat(c: &Coat) -> json::Coat {
-    json::Coat {
-        ior: c.ior,
-        roughness: roughness(&c.roughness),
-        thickness: c.thickness,
-        albedo: Color(c.albedo),
-        g: c.g,
-        max_depth: c.max_depth,
-        samples: c.samples,
-    }
-}
-
 struct Writer<'d> {
     desc: &'d SceneDesc,
 }
@@ -320,142 +317,6 @@ impl Writer<'_> {
             .ok_or(WriteError::Invalid("material"))
     }
 
-    fn texture(&self, texture: &Texture) -> Result<json::Texture, WriteError> {
-        Ok(match texture {
-            Texture::Constant { value } => json::Texture::Constant { value: *value },
-            Texture::Image {
-                image,
-                map: m,
-                wrap,
-                nearest,
-                invert,
-                scale,
-            } => json::Texture::Image {
-                image: format!("i{}", image.0),
-                map: map(m),
-                wrap: *wrap,
-                nearest: *nearest,
-                invert: *invert,
-                scale: *scale,
-            },
-            Texture::Checkerboard { map: m, even, odd } => json::Texture::Checkerboard {
-                map: map(m),
-                even: color(even),
-                odd: color(odd),
-            },
-            Texture::Scale { a, b } => {
-                let (by, by_color) = match b {
-                    FloatOrColor::Float(b) => (Some(float(b)), None),
-                    FloatOrColor::Color(b) => (None, Some(color(b))),
-                };
-                json::Texture::Scale {
-                    a: color(a),
-                    by,
-                    by_color,
-                }
-            }
-            Texture::Mix { a, b, amount } => json::Texture::Mix {
-                a: color(a),
-                b: color(b),
-                amount: float(amount),
-            },
-            Texture::Bilerp { map: m, corners } => json::Texture::Bilerp {
-                map: map(m),
-                corners: corners.map(Color),
-            },
-            Texture::VertexColor => json::Texture::VertexColor,
-        })
-    }
-
-    fn material(&self, material: &Material) -> Result<json::Material, WriteError> {
-        let bsdf = match &material.bsdf {
-            BsdfDesc::Diffuse { reflectance } => json::Bsdf::Diffuse {
-                reflectance: color(reflectance),
-            },
-            BsdfDesc::OrenNayar { reflectance, sigma } => json::Bsdf::OrenNayar {
-                reflectance: color(reflectance),
-                sigma: float(sigma),
-            },
-            BsdfDesc::Phong {
-                diffuse,
-                specular,
-                exponent,
-            } => json::Bsdf::Phong {
-                diffuse: color(diffuse),
-                specular: color(specular),
-                exponent: float(exponent),
-            },
-            BsdfDesc::Lafortune { diffuse, lobes } => json::Bsdf::Lafortune {
-                diffuse: color(diffuse),
-                lobes: lobes.clone(),
-            },
-            BsdfDesc::Mirror { reflectance } => json::Bsdf::Mirror {
-                reflectance: color(reflectance),
-            },
-            BsdfDesc::Dielectric {
-                ior,
-                roughness: r,
-                reflect_tint,
-                transmit_tint,
-            } => json::Bsdf::Dielectric {
-                ior: *ior,
-                roughness: roughness(r),
-                reflect_tint: color(reflect_tint),
-                transmit_tint: color(transmit_tint),
-            },
-            BsdfDesc::ThinDielectric { ior } => json::Bsdf::ThinDielectric { ior: *ior },
-            BsdfDesc::Conductor {
-                fresnel: f,
-                roughness: r,
-            } => json::Bsdf::Conductor {
-                fresnel: fresnel(f),
-                roughness: roughness(r),
-            },
-            BsdfDesc::CoatedDiffuse {
-                reflectance,
-                coat: c,
-            } => json::Bsdf::CoatedDiffuse {
-                reflectance: color(reflectance),
-                coat: coat(c),
-            },
-            BsdfDesc::CoatedConductor {
-                fresnel: f,
-                roughness: r,
-                coat: c,
-            } => json::Bsdf::CoatedConductor {
-                fresnel: fresnel(f),
-                roughness: roughness(r),
-                coat: coat(c),
-            },
-            BsdfDesc::DiffuseTransmission {
-                reflectance,
-                transmittance,
-            } => json::Bsdf::DiffuseTransmission {
-                reflectance: color(reflectance),
-                transmittance: color(transmittance),
-            },
-            BsdfDesc::Mix { a, b, amount } => json::Bsdf::Mix {
-                a: self.material_name(*a)?,
-                b: self.material_name(*b)?,
-                amount: float(amount),
-            },
-            BsdfDesc::TwoSided { inner } => json::Bsdf::TwoSided {
-                inner: self.material_name(*inner)?,
-            },
-            BsdfDesc::Interface => json::Bsdf::Interface,
-            BsdfDesc::Principled(_) | BsdfDesc::Hair { .. } => todo!("NEXT"),
-        };
-        let normal_map = material.normal_map.map(|(id, strength)| json::NormalMap {
-            texture: texture_name(id),
-            strength,
-        });
-        Ok(json::Material {
-            bsdf,
-            normal_map,
-            bump_map: material.bump_map.as_ref().map(float),
-        })
-    }
-
     fn primitives(&self, list: &[Primitive]) -> Result<Vec<json::Primitive>, WriteError> {
         list.iter().map(|p| self.primitive(p)).collect()
     }
@@ -481,7 +342,14 @@ impl Writer<'_> {
                 height: *height,
             },
             Shape::Rectangle => json::Shape::Rectangle,
-            Shape::Curves(_) => todo!("NEXT"),
+            Shape::Curves(id) => {
+                let curves = self
+                    .desc
+                    .curves
+                    .get(id.index())
+                    .ok_or(WriteError::Invalid("bundle of curves"))?;
+                json::Shape::Curves(curves.name.clone())
+            }
         };
         Ok(json::Primitive {
             shape,
@@ -494,6 +362,7 @@ impl Writer<'_> {
             }),
             alpha: primitive.alpha.as_ref().map(float),
             reverse_orientation: primitive.reverse_orientation,
+            media: primitive.media.map(|m| self.interface(m)).transpose()?,
         })
     }
 

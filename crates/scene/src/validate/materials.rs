@@ -2,8 +2,8 @@
 
 use super::Findings;
 use crate::model::{
-    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatOrColor, FloatTex, Roughness, SceneDesc,
-    Texture, UvMap,
+    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatOrColor, FloatTex, HairColor, Principled,
+    Roughness, SceneDesc, Texture, UvMap,
 };
 
 fn color(what: &str, value: ColorTex, limit: usize, found: &mut Findings) {
@@ -91,6 +91,10 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
                     .for_each(|c| color(&what, ColorTex::Const(*c), index, found));
             }
             Texture::VertexColor => {}
+            Texture::Threshold { value, at } => {
+                float(&what, *value, index, found);
+                found.check(at.is_finite(), || format!("{what}: a threshold of {at}"));
+            }
         }
     }
     let mut names = std::collections::BTreeSet::new();
@@ -247,9 +251,90 @@ fn bsdf(what: &str, bsdf: &BsdfDesc, index: usize, textures: usize, found: &mut 
             });
         }
         BsdfDesc::Interface => {}
-        BsdfDesc::Principled(_) | BsdfDesc::Hair { .. } => todo!("NEXT"),
-        // Variants that others add are checked by whoever adds them.
-        #[allow(unreachable_patterns)]
-        _ => {}
+        BsdfDesc::Principled(p) => principled(what, p, t, found),
+        BsdfDesc::Hair {
+            color: c,
+            ior: i,
+            beta_m,
+            beta_n,
+            alpha,
+        } => {
+            match c {
+                HairColor::Absorption(c) | HairColor::Reflectance(c) => color(what, *c, t, found),
+                HairColor::Melanin {
+                    eumelanin,
+                    pheomelanin,
+                } => {
+                    for (name, value) in [("eumelanin", eumelanin), ("pheomelanin", pheomelanin)] {
+                        float(what, *value, t, found);
+                        if let FloatTex::Const(v) = value {
+                            found.check(*v >= 0.0, || format!("{what}: {name} of {v}"));
+                        }
+                    }
+                }
+            }
+            ior(what, *i, found);
+            weight(what, "beta_m", *beta_m, t, found);
+            weight(what, "beta_n", *beta_n, t, found);
+            found.check((-45.0..=45.0).contains(alpha), || {
+                format!("{what}: scales tilted by {alpha} degrees; -45 to 45 are possible")
+            });
+        }
+    }
+}
+
+/// A number in [0, 1], or a texture.
+fn weight(what: &str, name: &str, value: FloatTex, textures: usize, found: &mut Findings) {
+    float(what, value, textures, found);
+    if let FloatTex::Const(v) = value {
+        found.check((0.0..=1.0).contains(&v) || !v.is_finite(), || {
+            format!("{what}: {name} is {v}; 0 to 1 is possible")
+        });
+    }
+}
+
+fn principled(what: &str, p: &Principled, textures: usize, found: &mut Findings) {
+    let t = textures;
+    for c in [
+        p.base_color,
+        p.specular_color,
+        p.metal_edge,
+        p.diffuse_transmission_color,
+        p.sheen_color,
+    ] {
+        color(what, c, t, found);
+    }
+    for (name, value) in [
+        ("metallic", p.metallic),
+        ("roughness", p.roughness),
+        ("anisotropy", p.anisotropy),
+        ("specular", p.specular),
+        ("transmission", p.transmission),
+        ("diffuse_transmission", p.diffuse_transmission),
+        ("coat", p.coat),
+        ("coat_roughness", p.coat_roughness),
+        ("sheen_roughness", p.sheen_roughness),
+        ("iridescence", p.iridescence),
+    ] {
+        weight(what, name, value, t, found);
+    }
+    float(what, p.anisotropy_rotation, t, found);
+    float(what, p.iridescence_thickness, t, found);
+    if let FloatTex::Const(nm) = p.iridescence_thickness {
+        found.check(nm >= 0.0, || format!("{what}: a film {nm} nm thick"));
+    }
+    if p.ior != 0.0 {
+        ior(what, p.ior, found);
+    }
+    ior(what, p.coat_ior, found);
+    ior(what, p.iridescence_ior, found);
+    let coat_normals = p.coat_normal_map.map(|(id, _)| id);
+    for id in p.anisotropy_direction.into_iter().chain(coat_normals) {
+        found.check(id.index() < t, || format!("{what}: refers to no texture"));
+    }
+    if let Some((_, strength)) = p.coat_normal_map {
+        found.check(strength.is_finite(), || {
+            format!("{what}: a normal map of strength {strength}")
+        });
     }
 }

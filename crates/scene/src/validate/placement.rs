@@ -142,7 +142,17 @@ fn check_primitive(what: &str, primitive: &Primitive, desc: &SceneDesc, found: &
                 format!("{what}: a disk of radius {radius} with a hole of {inner_radius}")
             });
         }
-        _ => {}
+        Shape::Curves(id) => found.check(id.index() < desc.curves.len(), || {
+            format!("{what}: refers to no curves")
+        }),
+        Shape::Rectangle => {}
+    }
+    if let Some(sides) = primitive.media {
+        for id in sides.inside.into_iter().chain(sides.outside) {
+            found.check(id.index() < desc.media.len(), || {
+                format!("{what}: refers to no medium")
+            });
+        }
     }
     found.check(primitive.material.index() < desc.materials.len(), || {
         format!("{what}: refers to no material")

@@ -53,7 +53,10 @@ impl Image {
         if desc.missing {
             return Ok(Image::stand_in());
         }
-        let bytes = assets.read(&desc.path)?;
+        let bytes = match &desc.bytes {
+            Some(inside) => inside.clone(),
+            None => assets.read(&desc.path)?,
+        };
         decode(&desc.path, &bytes, desc.encoding).map_err(|reason| PrepareError::Decode {
             path: desc.path.clone(),
             reason,

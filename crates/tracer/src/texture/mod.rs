@@ -109,6 +109,9 @@ impl Textures {
                 [v.x, v.y, v.z, 1.0]
             }
             Texture::VertexColor => at.color,
+            Texture::Threshold { value, at: bound } => {
+                [if self.float(value, at) >= *bound { 1.0 } else { 0.0 }; 4]
+            }
         }
     }
 

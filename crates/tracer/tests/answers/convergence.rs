@@ -110,6 +110,7 @@ fn on_a_zone_plate() {
         path: "plate.png".into(),
         encoding: Encoding::Linear,
         missing: false,
+        bytes: None,
     });
     desc.textures.push(Texture::Image {
         image: ImageId(0),
