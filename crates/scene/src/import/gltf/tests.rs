@@ -6,6 +6,7 @@ mod looks;
 mod materials;
 mod motion;
 mod packed;
+mod shared;
 mod table;
 
 use crate::assets::MemorySource;
