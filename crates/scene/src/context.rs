@@ -237,6 +237,24 @@ impl<'a> Context<'a> {
         Ok(id)
     }
 
+    /// Lists a picture that lies in a missing file, which is allowed to be missing.
+    pub fn missing_image(&mut self, label: &str, encoding: Encoding) -> ImageId {
+        let key = (label.to_owned(), encoding_key(encoding));
+        if let Some(&id) = self.image_ids.get(&key) {
+            return id;
+        }
+        let id = ImageId(self.images.len() as u32);
+        self.images.push(ImageDesc {
+            path: label.to_owned(),
+            encoding,
+            missing: true,
+            bytes: None,
+        });
+        self.infos.push(None);
+        self.image_ids.insert(key, id);
+        id
+    }
+
     /// Header facts of a listed picture; none for a missing one.
     pub fn info(&self, id: ImageId) -> Option<PictureInfo> {
         self.infos.get(id.index()).copied().flatten()
@@ -335,7 +353,7 @@ pub(crate) fn mesh_bytes(mesh: &Mesh) -> u64 {
 }
 
 /// What is shown in place of a mesh that is not there.
-fn stand_in(path: &str) -> Mesh {
+pub(crate) fn stand_in(path: &str) -> Mesh {
     let corner =
         |i: u32| [i & 1, i >> 1 & 1, i >> 2 & 1].map(|bit| if bit == 0 { -1.0 } else { 1.0 });
     let quads = [

@@ -1,6 +1,8 @@
 //! Foreign formats, one a module.
 
 pub mod gltf;
+#[cfg(test)]
+mod mutations;
 pub mod obj;
 pub mod pbrt;
 pub mod ply;

@@ -9,7 +9,7 @@ pub(crate) mod locate;
 mod read;
 mod schema;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod values;
 mod write;
 

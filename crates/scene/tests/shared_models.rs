@@ -99,3 +99,42 @@ fn models_are_read_as_their_references_say() {
         }
     }
 }
+
+/// Through Brolly's own format and back: the same but for the pictures, which get files of their own.
+#[test]
+fn written_models_read_back_equal() {
+    for folder in models() {
+        let (assets, main) = open(&folder).unwrap();
+        let desc = load_with_files(&main, &*assets, &Overrides::default())
+            .unwrap()
+            .desc;
+        let written = scene::native::write(&desc, &*assets).unwrap();
+        let mut copy = scene::assets::MemorySource::new()
+            .with("scene.json", &written.json)
+            .unwrap();
+        for (path, bytes) in written.files {
+            copy.insert(&path, bytes).unwrap();
+        }
+        let again = load_with_files("scene.json", &copy, &Overrides::default()).unwrap();
+        let content = |desc: &SceneDesc, source: &dyn scene::AssetSource| -> Vec<_> {
+            let bytes = |i: &scene::model::ImageDesc| match &i.bytes {
+                Some(bytes) => bytes.clone(),
+                None => source.read(&i.path).unwrap(),
+            };
+            let images = desc.images.iter();
+            images.map(|i| (i.encoding, bytes(i))).collect()
+        };
+        assert!(
+            content(&desc, &*assets) == content(&again.desc, &copy),
+            "the pictures of {main} changed"
+        );
+        let plain = |mut desc: SceneDesc| {
+            desc.images.clear();
+            desc
+        };
+        assert!(
+            plain(again.desc) == plain(desc),
+            "{main} changed on its way through JSON"
+        );
+    }
+}

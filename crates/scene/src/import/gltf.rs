@@ -24,7 +24,7 @@ mod nodes;
 mod properties;
 pub(crate) mod tangents;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 mod textures;
 mod tree;
 mod uri;

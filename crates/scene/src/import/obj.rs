@@ -6,7 +6,7 @@
 mod mtl;
 mod polygon;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 use super::{Imported, stage};
 use crate::context::{Context, Issue};

@@ -1,6 +1,6 @@
 //! What Brolly's own files mean, and what is refused.
 
-mod matter;
+pub(crate) mod matter;
 
 use crate::assets::MemorySource;
 use crate::model::*;

@@ -33,6 +33,7 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
         check_light(&format!("light {index}"), light, desc, found);
     }
     let shines = !desc.lights.is_empty()
+        || desc.media.iter().any(|m| m.emission != [0.0; 3])
         || desc
             .primitives
             .iter()

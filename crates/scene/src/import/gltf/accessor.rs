@@ -226,6 +226,10 @@ impl<'j> Gltf<'_, '_, 'j> {
             Some(sparse) => Some(self.sparse(&sparse, count, element)?),
         };
         self.work(&at, count)?;
+        // Its numbers are kept elsewhere or not at all, but for a while they are there as singles.
+        let size = count.saturating_mul(width as u64 * 4);
+        self.cx.charge(&at.place(), size)?;
+        self.cx.release(size);
         Ok(Accessor {
             at,
             component,

@@ -41,6 +41,9 @@ pub(super) struct Channel {
     width: usize,
 }
 
+/// A channel and what it drives: a property of a node.
+type Driven = ((usize, Path), Channel);
+
 /// All channels by what they drive.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Animations {
@@ -277,11 +280,7 @@ impl<'j> Gltf<'_, '_, 'j> {
         Ok(all)
     }
 
-    fn channel(
-        &mut self,
-        animation: &At<'j>,
-        at: &At<'j>,
-    ) -> Result<Option<((usize, Path), Channel)>, Issue> {
+    fn channel(&mut self, animation: &At<'j>, at: &At<'j>) -> Result<Option<Driven>, Issue> {
         let target = at.need("target")?;
         let path = target.need("path")?;
         let what = match path.text()? {

@@ -7,6 +7,7 @@ use super::tree::At;
 use super::uri::{self, Uri};
 use crate::assets::AssetBytes;
 use crate::context::{Context, Issue};
+use std::collections::BTreeSet;
 
 /// The buffers of a file.
 pub(super) struct Buffers {
@@ -14,6 +15,8 @@ pub(super) struct Buffers {
     loaded: Vec<Option<Slice>>,
     /// Views that were unpacked.
     unpacked: Vec<Option<Slice>>,
+    /// Buffers whose files are missing, and allowed to be.
+    missing: BTreeSet<usize>,
 }
 
 /// A part of a buffer.
@@ -30,7 +33,43 @@ impl Buffers {
             bin,
             loaded: vec![None; root.len_of("buffers")?],
             unpacked: vec![None; root.len_of("bufferViews")?],
+            missing: BTreeSet::new(),
         })
+    }
+
+    /// Whether a view lies in a buffer that is missing and may be: then there is a warning, and
+    /// whoever asks puts something in place of what lies there.
+    pub fn is_missing(
+        &mut self,
+        root: &At<'_>,
+        view: usize,
+        cx: &mut Context<'_>,
+    ) -> Result<bool, Issue> {
+        let view = root.get("bufferViews").and_then(|list| list.item(view));
+        let Some(view) = view.filter(|_| cx.allows_missing()) else {
+            return Ok(false);
+        };
+        let packed = meshopt::EXTENSIONS.iter().find_map(|e| view.extension(e));
+        let view = packed.unwrap_or(view);
+        let Some(index) = view.index("buffer", root, "buffers")? else {
+            return Ok(false);
+        };
+        let at = root.get("buffers").and_then(|list| list.item(index));
+        let Some(uri) = at.and_then(|at| at.get("uri")) else {
+            return Ok(false);
+        };
+        let Uri::File(name) = uri::parse(uri.text()?).map_err(|e| uri.fail(e))? else {
+            return Ok(false);
+        };
+        let path = cx.path(&uri.place(), &name)?;
+        let missing = !cx.assets.exists(&path);
+        if missing && self.missing.insert(index) {
+            cx.warn(
+                &uri.place(),
+                format!("{path}: no such file; cubes from -1 to 1 and conspicuous pictures stand in for what lies in it"),
+            );
+        }
+        Ok(missing)
     }
 
     fn buffer(

@@ -260,8 +260,12 @@ impl<'j> Gltf<'_, '_, 'j> {
             draft.p.diffuse_transmission_color =
                 self.color(draft, &at, "diffuseTransmissionColorTexture", factor)?;
         }
+        let passes = [
+            "KHR_materials_transmission",
+            "KHR_materials_diffuse_transmission",
+        ];
+        draft.p.thin = passes.iter().any(|name| at.extension(name).is_some());
         let Some(at) = at.extension("KHR_materials_volume") else {
-            draft.p.thin = true;
             return Ok(None);
         };
         at.only(

@@ -57,6 +57,25 @@ impl<'j> Gltf<'_, '_, 'j> {
             }
         }
         let attributes = at.need("attributes")?;
+        if self.is_lost(&attributes)? {
+            let cube = crate::context::stand_in("");
+            let material = self.material_of(at)?;
+            let mut surface = self.surface(material, false)?;
+            surface.tangents = false;
+            return Ok(Some(Piece {
+                raw: Raw {
+                    positions: cube.positions.to_vec(),
+                    normals: Vec::new(),
+                    tangents: Vec::new(),
+                    uvs: Vec::new(),
+                    colors: Vec::new(),
+                    indices: cube.indices.to_vec(),
+                    influences: Vec::new(),
+                    targets: Vec::new(),
+                },
+                surface,
+            }));
+        }
         let unpacked = match at.extension("KHR_draco_mesh_compression") {
             Some(packed) => Some(draco::decode(self, &packed, &attributes)?),
             None => None,
@@ -124,6 +143,18 @@ impl<'j> Gltf<'_, '_, 'j> {
         compact(&mut raw);
         complete(&mut raw, surface.tangents);
         Ok(Some(Piece { raw, surface }))
+    }
+
+    /// Whether the positions lie in a file that is missing and may be.
+    fn is_lost(&mut self, attributes: &At<'j>) -> Result<bool, Issue> {
+        let Some(index) = attributes.index("POSITION", &self.root, "accessors")? else {
+            return Ok(false);
+        };
+        let accessor = self.list_item("accessors", index)?;
+        match accessor.index("bufferView", &self.root, "bufferViews")? {
+            Some(view) => self.buffers.is_missing(&self.root, view, self.cx),
+            None => Ok(false),
+        }
     }
 
     /// The material of a primitive under the chosen variant.

@@ -80,7 +80,7 @@ pub(super) fn decode(
 }
 
 fn attributes(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, String> {
-    if stride == 0 || stride > 256 || stride % 4 != 0 {
+    if stride == 0 || stride > 256 || !stride.is_multiple_of(4) {
         return Err(format!(
             "packed elements of {stride} bytes; multiples of 4 up to 256 are possible"
         ));
@@ -183,7 +183,7 @@ impl<T: Copy> Recent<T> {
 }
 
 fn triangles(data: &[u8], count: usize) -> Result<Vec<u32>, String> {
-    if count % 3 != 0 {
+    if !count.is_multiple_of(3) {
         return Err(format!("{count} packed indices are no triangles"));
     }
     let total = count / 3;
@@ -400,7 +400,7 @@ fn quaternions(data: &mut [u8], stride: usize) -> Result<(), String> {
 
 /// Floats as an exponent and a mantissa.
 fn exponential(data: &mut [u8], stride: usize) -> Result<(), String> {
-    if stride % 4 != 0 {
+    if !stride.is_multiple_of(4) {
         return Err(format!(
             "an exponential filter on elements of {stride} bytes"
         ));

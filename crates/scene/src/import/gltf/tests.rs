@@ -6,6 +6,7 @@ mod looks;
 mod materials;
 mod motion;
 mod packed;
+mod shared;
 mod table;
 
 use crate::assets::MemorySource;
@@ -27,9 +28,9 @@ fn data_uri(bytes: &[u8]) -> String {
 }
 
 /// A file that grows: every array becomes a view and an accessor of one buffer.
-struct Model {
-    json: Value,
-    bytes: Vec<u8>,
+pub(in crate::import) struct Model {
+    pub json: Value,
+    pub bytes: Vec<u8>,
 }
 
 impl Model {
@@ -64,7 +65,7 @@ impl Model {
 
     /// Adds a view; returns its index.
     fn view(&mut self, bytes: &[u8]) -> usize {
-        while self.bytes.len() % 4 != 0 {
+        while !self.bytes.len().is_multiple_of(4) {
             self.bytes.push(0);
         }
         let views = self.json["bufferViews"].as_array_mut().unwrap();
@@ -105,11 +106,7 @@ impl Model {
 
     /// A picture of one white pixel as image and texture 0.
     fn picture(&mut self) {
-        let mut png = std::io::Cursor::new(Vec::new());
-        image::RgbaImage::from_pixel(1, 1, image::Rgba([255; 4]))
-            .write_to(&mut png, image::ImageFormat::Png)
-            .unwrap();
-        let view = self.view(png.get_ref());
+        let view = self.view(&white());
         self.json["images"] = json!([{"bufferView": view, "mimeType": "image/png"}]);
         self.json["textures"] = json!([{"source": 0}]);
     }
@@ -125,16 +122,10 @@ impl Model {
         self
     }
 
-    fn text(&self) -> String {
-        let mut json = self.json.clone();
-        if json.get("buffers").is_none() {
-            json["buffers"] =
-                json!([{"byteLength": self.bytes.len(), "uri": data_uri(&self.bytes)}]);
-        }
-        json.to_string()
+    pub fn text(&self) -> String {
+        text_of(&self.json, &self.bytes)
     }
-
-    fn glb(&self) -> Vec<u8> {
+    pub fn glb(&self) -> Vec<u8> {
         let mut json = self.json.clone();
         json["buffers"] = json!([{"byteLength": self.bytes.len()}]);
         glb(json.to_string().as_bytes(), Some(&self.bytes))
@@ -151,6 +142,78 @@ impl Model {
         assert!(said.is_empty(), "{said:?}");
         desc
     }
+}
+
+/// A picture of one white pixel.
+pub(in crate::import) fn white() -> Vec<u8> {
+    let mut png = std::io::Cursor::new(Vec::new());
+    image::RgbaImage::from_pixel(1, 1, image::Rgba([255; 4]))
+        .write_to(&mut png, image::ImageFormat::Png)
+        .unwrap();
+    png.into_inner()
+}
+
+/// The text of a file, with the bytes in a data URI unless it has buffers already.
+pub(in crate::import) fn text_of(json: &Value, bytes: &[u8]) -> String {
+    let mut json = json.clone();
+    if json.get("buffers").is_none() {
+        json["buffers"] = json!([{"byteLength": bytes.len(), "uri": data_uri(bytes)}]);
+    }
+    json.to_string()
+}
+
+/// A model with as much in it as one can have.
+pub(in crate::import) fn everything() -> Model {
+    let mut m = motion::skinned();
+    m.picture();
+    m.indices(&[0, 1, 2]);
+    let raise = floats(&[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let raise = m.accessor("VEC3", 5126, 3, &raise);
+    m.attribute("COLOR_0", "VEC4", 5121, 3, &[255; 12]);
+    let places = m.accessor("VEC3", 5126, 2, &floats(&[0.0, 0.0, 0.0, 5.0, 0.0, 0.0]));
+    let values = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0];
+    motion::animate(
+        &mut m,
+        2,
+        "rotation",
+        "LINEAR",
+        &[0.0, 0.25],
+        &values,
+        "VEC4",
+    );
+    motion::animate(
+        &mut m,
+        0,
+        "weights",
+        "STEP",
+        &[0.0, 0.5],
+        &[0.0, 1.0],
+        "SCALAR",
+    );
+    let sparse = m.view(&[1, 2]);
+    let replaced = m.view(&floats(&[1.0, 0.0, 0.5, 0.0, 1.0, 0.5]));
+    let texture = json!({"index": 0, "extensions": {"KHR_texture_transform": {"rotation": 1, "scale": [2, 3]}}});
+    let m = m
+        .with("/accessors/0/sparse", json!({
+            "count": 2, "indices": {"bufferView": sparse, "componentType": 5121}, "values": {"bufferView": replaced}}))
+        .with("/meshes/0/primitives/0/targets", json!([{"POSITION": raise}]))
+        .with("/meshes/1", json!({"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 2}, "material": 0}]}))
+        .with("/nodes/3", json!({"mesh": 1, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": places}}}}))
+        .with("/nodes/4", json!({"camera": 0, "extensions": {"KHR_lights_punctual": {"light": 0}}}))
+        .with("/scenes/0/nodes", json!([0, 1, 3, 4]))
+        .with("/cameras", json!([{"type": "perspective", "perspective": {"yfov": 1, "aspectRatio": 1.5, "znear": 1}}]))
+        .with("/extensions", json!({"KHR_lights_punctual": {"lights": [{"type": "spot", "spot": {"outerConeAngle": 1}}]}}));
+    m.material(json!({
+        "name": "m", "alphaMode": "MASK", "emissiveFactor": [1, 1, 1], "normalTexture": texture,
+        "pbrMetallicRoughness": {"baseColorTexture": texture, "metallicFactor": 0.5},
+        "extensions": {
+            "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatNormalTexture": texture},
+            "KHR_materials_anisotropy": {"anisotropyStrength": 1},
+            "KHR_materials_transmission": {"transmissionFactor": 1},
+            "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0, 0]},
+            "KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceThicknessTexture": {"index": 0}}
+        }
+    }))
 }
 
 /// Sets a value by pointer; missing objects on the way are made, arrays grow by one.
@@ -174,7 +237,7 @@ fn set(json: &mut Value, pointer: &str, value: Value) {
 fn glb(json: &[u8], bin: Option<&[u8]>) -> Vec<u8> {
     let padded = |bytes: &[u8], by: u8| {
         let mut bytes = bytes.to_vec();
-        while bytes.len() % 4 != 0 {
+        while !bytes.len().is_multiple_of(4) {
             bytes.push(by);
         }
         bytes

@@ -202,6 +202,9 @@ impl<'j> Gltf<'_, '_, 'j> {
         ) {
             (Some(_), Some(_)) => Err(at.fail("a picture with both \"uri\" and \"bufferView\"")),
             (None, None) => Err(at.fail("a picture without \"uri\" and without \"bufferView\"")),
+            (None, Some(view)) if self.buffers.is_missing(&self.root, view, self.cx)? => {
+                Ok(self.cx.missing_image(&label, encoding))
+            }
             (None, Some(view)) => {
                 let view = self.buffers.view(&self.root, view, self.cx)?;
                 let bytes = AssetBytes::from(view.data.bytes());
@@ -235,7 +238,7 @@ mod tests {
             ([0.0, 0.0], 0.0, [1.0, 1.0]),
             ([0.25, 0.5], 0.0, [1.0, 1.0]),
             ([0.0, 0.0], 0.7, [1.0, 1.0]),
-            ([0.705, 0.285], 1.5707963, [0.35, 0.35]),
+            ([0.705, 0.285], std::f64::consts::FRAC_PI_2, [0.35, 0.35]),
             ([0.1, -0.2], -2.0, [3.0, -0.5]),
         ] {
             let m = matrix(offset, rotation, scale);

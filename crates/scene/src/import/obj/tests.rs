@@ -4,7 +4,7 @@ use crate::assets::MemorySource;
 use crate::model::*;
 use crate::{Overrides, load};
 
-const MTL: &str = "# a comment
+pub(in crate::import) const MTL: &str = "# a comment
 newmtl wall
 Kd 0.5 0.25 0.125
 Ka 1 1 1
@@ -42,7 +42,7 @@ fn files(obj: &str, mtl: &str) -> MemorySource {
         .unwrap()
 }
 
-const OBJ: &str = "mtllib m.mtl
+pub(in crate::import) const OBJ: &str = "mtllib m.mtl
 v 0 0 0
 v 1 0 0
 v 1 1 0

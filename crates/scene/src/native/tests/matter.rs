@@ -35,7 +35,7 @@ const SCENE: &str = r#"{
   "lights": [{"environment": {}}]
 }"#;
 
-fn written() -> String {
+pub(crate) fn written() -> String {
     // A texture refers only to textures before it.
     SCENE.replace(
         r#""alpha": {"threshold": {"value": "vertex", "at": 0.25}}, "vertex": "vertex_color""#,

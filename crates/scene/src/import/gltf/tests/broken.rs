@@ -470,6 +470,20 @@ fn what_is_odd_is_named_and_read() {
     };
     let (desc, _) = load_text(&m.text(), &lenient).unwrap();
     assert!(desc.images[0].missing);
+    // So has a missing buffer, with all that lies in it.
+    let m = model().with("/buffers", json!([{"byteLength": 1000, "uri": "no.bin"}]));
+    refused(
+        &m.text(),
+        "m.gltf#/buffers/0/uri: error: no.bin: no such file",
+    );
+    let (desc, said) = load_text(&m.text(), &lenient).unwrap();
+    assert_eq!(mesh(&desc).indices.len(), 12);
+    assert!(desc.images[0].missing);
+    assert!(
+        said.iter()
+            .any(|s| s.contains("no.bin: no such file; cubes")),
+        "{said:?}"
+    );
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::*;
 use crate::Look;
 use glam::DVec3;
+use std::f64::consts::FRAC_1_SQRT_2 as HALF;
 
 fn look(m: &Model, look: Look) -> Result<(SceneDesc, Vec<String>), SceneError> {
     load_text(
@@ -23,7 +24,7 @@ fn cameras() -> Model {
         .with("/nodes", json!([
             {"mesh": 0},
             {"camera": 0, "translation": [0, 0, 5], "scale": [2, 2, 2]},
-            {"name": "side", "camera": 1, "rotation": [0, 0.70710678, 0, 0.70710678], "translation": [5, 0, 0]}
+            {"name": "side", "camera": 1, "rotation": [0, HALF, 0, HALF], "translation": [5, 0, 0]}
         ]))
         .with("/scenes/0/nodes", json!([0, 1, 2]))
 }
@@ -184,7 +185,7 @@ fn punctual_lights() {
         .with("/nodes", json!([
             {"mesh": 0},
             {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [1, 2, 3]},
-            {"extensions": {"KHR_lights_punctual": {"light": 1}}, "rotation": [-0.70710678, 0, 0, 0.70710678]},
+            {"extensions": {"KHR_lights_punctual": {"light": 1}}, "rotation": [-HALF, 0, 0, HALF]},
             {"extensions": {"KHR_lights_punctual": {"light": 2}}, "scale": [1, 1, 9]}
         ]))
         .with("/scenes/0/nodes", json!([0, 1, 2, 3]));

@@ -42,7 +42,7 @@ fn the_core_of_a_material() {
         (p.metallic, p.roughness, p.base_color),
         (one, one, ColorTex::Const([1.0; 3]))
     );
-    assert!(p.thin);
+    assert!(!p.thin);
     let (desc, p) = read(json!({
         "name": "everything",
         "pbrMetallicRoughness": {

@@ -4,7 +4,7 @@ use super::*;
 use glam::DVec3;
 
 /// Adds an animation channel of a node.
-fn animate(
+pub(super) fn animate(
     m: &mut Model,
     node: usize,
     path: &str,
@@ -207,7 +207,7 @@ fn morph_targets_change_the_shape() {
 
 /// A triangle of which one vertex follows a second joint; its node lies far away, which must not
 /// matter.
-fn skinned() -> Model {
+pub(super) fn skinned() -> Model {
     let mut m = Model::triangle();
     m.attribute(
         "JOINTS_0",

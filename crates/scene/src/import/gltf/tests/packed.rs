@@ -81,11 +81,8 @@ fn filters() {
     // Straight up, and down an edge.
     let mut row = [0u8, 0, 127, 9];
     let packed = |row: &[u8], filter: &str| {
-        let mut data = vec![0xa0];
-        for _ in 0..row.len() {
-            data.push(0);
-        }
-        let mut out = data;
+        let mut out = vec![0xa0];
+        out.resize(1 + row.len(), 0);
         let zeros = 32usize.saturating_sub(row.len());
         out.resize(out.len() + zeros, 0);
         out.extend_from_slice(row);
