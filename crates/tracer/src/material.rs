@@ -189,14 +189,16 @@ impl Materials {
         let mut list: Vec<Material> = described.par_iter().map(Material::new).collect();
         // Curves by (bits of the index, sheet, solid), so that each is made once.
         let mut curves: BTreeMap<(u32, bool, bool), Option<Arc<Curve>>> = BTreeMap::new();
+        let mut sheen = false;
         for material in &list {
             if let BsdfDesc::Principled(p) = &material.desc {
+                sheen |= p.sheen_color != model::ColorTex::Const([0.0; 3]);
                 curves.insert(base_curve(p), None);
                 curves.insert(coat_curve(p), None);
             }
         }
         if !curves.is_empty() {
-            let facets = Arc::new(Facets::new());
+            let facets = Arc::new(Facets::new(sheen));
             curves
                 .par_iter_mut()
                 .for_each(|((ior, pane, solid), curve)| {

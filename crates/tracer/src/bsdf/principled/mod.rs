@@ -396,8 +396,8 @@ impl<'s> Principled<'s> {
         let (mut sheen, mut coat) = (0.0, 0.0);
         let mut coat_normal = self.coat_normal;
         if !inside {
-            if self.sheen != Rgb::ZERO {
-                sheen = facets.sheen.at(cos, self.sheen_roughness);
+            if let (true, Some(table)) = (self.sheen != Rgb::ZERO, &facets.sheen) {
+                sheen = table.at(cos, self.sheen_roughness);
             }
             if coat_normal != Vec3::Z {
                 coat_normal = lifted(wo, coat_normal, Vec3::Z);

@@ -148,23 +148,17 @@ pub struct Facets {
     /// E of the term that darkens a metal's edge, cos (1 - cos)^6 [Kutz21].
     pub darkening: Albedo,
     /// Of the sheen, over its own roughness.
-    pub sheen: Albedo,
-}
-
-impl Default for Facets {
-    fn default() -> Facets {
-        Facets::new()
-    }
+    pub sheen: Option<Albedo>,
 }
 
 impl Facets {
-    /// Integrates; some tens of milliseconds.
-    pub fn new() -> Facets {
+    /// Integrates, for some tens of milliseconds; the sheen's table, half of the work, only if it is needed.
+    pub fn new(with_sheen: bool) -> Facets {
         Facets {
             white: Albedo::new(|cos, r| reflected(cos, r, |_| 1.0)),
             schlick: Albedo::new(|cos, r| reflected(cos, r, schlick)),
             darkening: Albedo::new(|cos, r| reflected(cos, r, |c| c * (1.0 - c) * schlick(c))),
-            sheen: Albedo::new(sheen::albedo),
+            sheen: with_sheen.then(|| Albedo::new(sheen::albedo)),
         }
     }
 }

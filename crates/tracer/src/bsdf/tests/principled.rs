@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 fn facets() -> Arc<Facets> {
     static FACETS: OnceLock<Arc<Facets>> = OnceLock::new();
-    FACETS.get_or_init(|| Arc::new(Facets::new())).clone()
+    FACETS.get_or_init(|| Arc::new(Facets::new(true))).clone()
 }
 
 /// A surface over tables of its own.
