@@ -21,6 +21,8 @@ pub struct Material {
     lobes: Vec<LobeParam>,
     /// The surface's tangents matter.
     pub needs_tangents: bool,
+    /// Some texture makes use of what a pixel covers.
+    pub needs_footprint: bool,
 }
 
 /// GGX widths that coats of varying roughness are tabulated at; the nearest is taken.
@@ -28,7 +30,7 @@ const COAT_WIDTHS: [f32; 8] = [0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0];
 
 impl Material {
     /// Compiles a description.
-    pub fn new(desc: &model::Material) -> Material {
+    pub fn new(desc: &model::Material, textures: &Textures) -> Material {
         let mut coats = vec![];
         let mut lobes = vec![];
         let mut anisotropic = false;
@@ -71,6 +73,8 @@ impl Material {
             coats,
             lobes,
             needs_tangents: anisotropic || mapped,
+            // Which of them the material refers to is not worth finding out.
+            needs_footprint: textures.any_footprint(),
         }
     }
 }
@@ -167,8 +171,8 @@ impl Materials {
         }
     }
 
-    /// Whether a surface of this material needs tangents, whatever a mix picks.
-    pub fn propagate_tangents(&mut self) {
+    /// Whether a surface of this material needs tangents or footprints, whatever a mix picks.
+    pub fn propagate_needs(&mut self) {
         for i in 0..self.list.len() {
             let inner = match &self.list[i].desc {
                 BsdfDesc::Mix { a, b, .. } => vec![a.index(), b.index()],

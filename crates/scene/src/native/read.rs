@@ -183,6 +183,16 @@ fn encoding(encoding: json::Encoding) -> Encoding {
     }
 }
 
+/// The same direction with length 1; what has it already keeps its bits.
+fn unit(direction: DVec3) -> Result<DVec3, String> {
+    if (direction.length_squared() - 1.0).abs() < 1e-12 {
+        return Ok(direction);
+    }
+    direction
+        .try_normalize()
+        .ok_or_else(|| "\"direction\" has no length".into())
+}
+
 fn map(map: &json::Map) -> UvMap {
     match map {
         json::Map::Uv { set, matrix } => UvMap::Uv {
@@ -190,6 +200,12 @@ fn map(map: &json::Map) -> UvMap {
             matrix: *matrix,
         },
         json::Map::Planar { matrix } => UvMap::Planar {
+            matrix: rows(matrix),
+        },
+        json::Map::Spherical { matrix } => UvMap::Spherical {
+            matrix: rows(matrix),
+        },
+        json::Map::Cylindrical { matrix } => UvMap::Cylindrical {
             matrix: rows(matrix),
         },
     }
@@ -440,6 +456,7 @@ impl Reader<'_, '_, '_> {
                 map: m,
                 wrap,
                 nearest,
+                mip,
                 invert,
                 scale,
             } => Texture::Image {
@@ -447,6 +464,7 @@ impl Reader<'_, '_, '_> {
                 map: map(m),
                 wrap: *wrap,
                 nearest: *nearest,
+                mip: *mip,
                 invert: *invert,
                 scale: *scale,
             },
@@ -473,6 +491,35 @@ impl Reader<'_, '_, '_> {
                 corners: corners.map(|c| c.0),
             },
             json::Texture::VertexColor => Texture::VertexColor,
+            json::Texture::Checkerboard3d { matrix, even, odd } => Texture::Checkerboard3d {
+                matrix: rows(matrix),
+                even: self.color(even)?,
+                odd: self.color(odd)?,
+            },
+            json::Texture::Dots {
+                map: m,
+                inside,
+                outside,
+            } => Texture::Dots {
+                map: map(m),
+                inside: self.color(inside)?,
+                outside: self.color(outside)?,
+            },
+            json::Texture::Noise { matrix, pattern } => Texture::Noise {
+                matrix: rows(matrix),
+                pattern: *pattern,
+            },
+            json::Texture::DirectionMix { a, b, direction } => Texture::DirectionMix {
+                a: self.color(a)?,
+                b: self.color(b)?,
+                direction: unit(DVec3::from_array(*direction))?,
+            },
+            json::Texture::Grey { value } => Texture::Grey {
+                value: self.float(value)?,
+            },
+            json::Texture::UnitMean { texture } => Texture::UnitMean {
+                texture: lookup("texture", texture, &self.textures)?,
+            },
         })
     }
 
@@ -766,6 +813,8 @@ impl Reader<'_, '_, '_> {
                 mapping,
                 transform,
                 hidden,
+                illuminance,
+                portal,
             } => Light::Environment {
                 transform: fixed(transform)?,
                 radiance: radiance.0,
@@ -777,6 +826,32 @@ impl Reader<'_, '_, '_> {
                     None => None,
                 },
                 hidden: *hidden,
+                illuminance: *illuminance,
+                portal: portal.map(|corners| corners.map(DVec3::from_array)),
+            },
+            json::Light::Goniometric {
+                intensity,
+                image,
+                power,
+                transform,
+            } => Light::Goniometric {
+                transform: fixed(transform)?,
+                intensity: intensity.0,
+                image: self.image(image, &format!("{pointer}/goniometric/image"))?,
+                power: *power,
+            },
+            json::Light::Projection {
+                intensity,
+                image,
+                fov,
+                power,
+                transform,
+            } => Light::Projection {
+                transform: fixed(transform)?,
+                intensity: intensity.0,
+                image: self.image(image, &format!("{pointer}/projection/image"))?,
+                fov: *fov,
+                power: *power,
             },
         })
     }

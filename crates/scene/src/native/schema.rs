@@ -2,8 +2,8 @@
 
 use super::values::{Color, ColorValue, FloatValue, Named, Placement};
 use crate::model::{
-    Animation, Aperture, Filter, FovAxis, LafortuneLobe, RoughnessScale, SamplerKind, ScreenWindow,
-    ShutterCurve, SphereMapping, SpotFalloff, Wrap,
+    Animation, Aperture, Filter, FovAxis, LafortuneLobe, MipFilter, NoisePattern, RoughnessScale,
+    SamplerKind, ScreenWindow, ShutterCurve, SphereMapping, SpotFalloff, Wrap,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -259,6 +259,16 @@ pub enum Map {
         /// World to texture.
         matrix: [f64; 12],
     },
+    /// Angles from and about the z axis of texture space.
+    Spherical {
+        /// World to texture.
+        matrix: [f64; 12],
+    },
+    /// Angle about the z axis of texture space, and z.
+    Cylindrical {
+        /// World to texture.
+        matrix: [f64; 12],
+    },
 }
 
 fn plain() -> [f64; 6] {
@@ -279,6 +289,10 @@ fn repeat() -> (Wrap, Wrap) {
 }
 fn ones() -> [f32; 4] {
     [1.0; 4]
+}
+/// World to texture where nothing is said.
+fn unmoved() -> [f64; 12] {
+    [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 }
 
 /// A texture.
@@ -303,6 +317,9 @@ pub enum Texture {
         /// Nearest pixel instead of bilinear.
         #[serde(default, skip_serializing_if = "no")]
         nearest: bool,
+        /// A pyramid for where pixels of the render cover many of the picture.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        mip: Option<MipFilter>,
         /// 1 - value, before scale.
         #[serde(default, skip_serializing_if = "no")]
         invert: bool,
@@ -350,6 +367,53 @@ pub enum Texture {
     },
     /// Interpolated vertex colour.
     VertexColor,
+    /// Unit cubes.
+    Checkerboard3d {
+        /// World to texture.
+        #[serde(default = "unmoved")]
+        matrix: [f64; 12],
+        /// On even cells.
+        even: ColorValue,
+        /// On odd cells.
+        odd: ColorValue,
+    },
+    /// Dots in about three of eight unit squares.
+    Dots {
+        /// Where.
+        #[serde(default)]
+        map: Map,
+        /// On the dots.
+        inside: ColorValue,
+        /// Between them.
+        outside: ColorValue,
+    },
+    /// Gradient noise in space.
+    Noise {
+        /// World to texture.
+        #[serde(default = "unmoved")]
+        matrix: [f64; 12],
+        /// Which.
+        pattern: NoisePattern,
+    },
+    /// Two textures by how the surface faces a direction.
+    DirectionMix {
+        /// Where the surface faces the direction.
+        a: ColorValue,
+        /// Where it is at right angles to it.
+        b: ColorValue,
+        /// In the world.
+        direction: [f64; 3],
+    },
+    /// A number as a grey.
+    Grey {
+        /// The number.
+        value: FloatValue,
+    },
+    /// A picture divided by the mean luminance of its pixels.
+    UnitMean {
+        /// The name of an image texture.
+        texture: String,
+    },
 }
 
 /// Tangent-space normal map.
@@ -734,6 +798,42 @@ pub enum Light {
         /// Alpha 0 where it is seen directly.
         #[serde(default, skip_serializing_if = "no")]
         hidden: bool,
+        /// Scales the picture until a surface facing +Z receives this from it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        illuminance: Option<f32>,
+        /// Corners of the only rectangle in the world that it comes in through.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        portal: Option<[[f64; 3]; 4]>,
+    },
+    /// A point whose intensity depends on the direction.
+    Goniometric {
+        /// Power per solid angle where the picture is 1.
+        #[serde(default = "white_color")]
+        intensity: Color,
+        /// The name of a square octahedral picture, or a path.
+        image: String,
+        /// Scales the picture until it sums to this over the sphere.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        power: Option<f32>,
+        /// Where.
+        #[serde(default, skip_serializing_if = "Placement::is_identity")]
+        transform: Placement,
+    },
+    /// A picture thrown along +Z.
+    Projection {
+        /// Power per solid angle where the picture is 1.
+        #[serde(default = "white_color")]
+        intensity: Color,
+        /// The name of a picture, or a path.
+        image: String,
+        /// Full angle over the shorter side, degrees.
+        fov: f64,
+        /// Scales the picture until its luminance sums to this over the solid angle it fills.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        power: Option<f32>,
+        /// Where.
+        #[serde(default, skip_serializing_if = "Placement::is_identity")]
+        transform: Placement,
     },
 }
 

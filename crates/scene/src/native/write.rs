@@ -223,6 +223,12 @@ fn map(map: &UvMap) -> json::Map {
         UvMap::Planar { matrix } => json::Map::Planar {
             matrix: rows(matrix),
         },
+        UvMap::Spherical { matrix } => json::Map::Spherical {
+            matrix: rows(matrix),
+        },
+        UvMap::Cylindrical { matrix } => json::Map::Cylindrical {
+            matrix: rows(matrix),
+        },
     }
 }
 
@@ -328,6 +334,7 @@ impl Writer<'_> {
                 map: m,
                 wrap,
                 nearest,
+                mip,
                 invert,
                 scale,
             } => json::Texture::Image {
@@ -335,6 +342,7 @@ impl Writer<'_> {
                 map: map(m),
                 wrap: *wrap,
                 nearest: *nearest,
+                mip: *mip,
                 invert: *invert,
                 scale: *scale,
             },
@@ -364,6 +372,35 @@ impl Writer<'_> {
                 corners: corners.map(Color),
             },
             Texture::VertexColor => json::Texture::VertexColor,
+            Texture::Checkerboard3d { matrix, even, odd } => json::Texture::Checkerboard3d {
+                matrix: rows(matrix),
+                even: color(even),
+                odd: color(odd),
+            },
+            Texture::Dots {
+                map: m,
+                inside,
+                outside,
+            } => json::Texture::Dots {
+                map: map(m),
+                inside: color(inside),
+                outside: color(outside),
+            },
+            Texture::Noise { matrix, pattern } => json::Texture::Noise {
+                matrix: rows(matrix),
+                pattern: *pattern,
+            },
+            Texture::DirectionMix { a, b, direction } => json::Texture::DirectionMix {
+                a: color(a),
+                b: color(b),
+                direction: direction.to_array(),
+            },
+            Texture::Grey { value } => json::Texture::Grey {
+                value: float(value),
+            },
+            Texture::UnitMean { texture } => json::Texture::UnitMean {
+                texture: texture_name(*texture),
+            },
         })
     }
 
@@ -547,12 +584,40 @@ impl Writer<'_> {
                 radiance,
                 image,
                 hidden,
+                illuminance,
+                portal,
             } => json::Light::Environment {
                 radiance: Color(*radiance),
                 image: image.map(|(id, _)| format!("i{}", id.0)),
                 mapping: image.map_or(SphereMapping::LatLong, |(_, mapping)| mapping),
                 transform: fixed(transform),
                 hidden: *hidden,
+                illuminance: *illuminance,
+                portal: portal.map(|corners| corners.map(|p| p.to_array())),
+            },
+            Light::Goniometric {
+                transform,
+                intensity,
+                image,
+                power,
+            } => json::Light::Goniometric {
+                intensity: Color(*intensity),
+                image: format!("i{}", image.0),
+                power: *power,
+                transform: fixed(transform),
+            },
+            Light::Projection {
+                transform,
+                intensity,
+                image,
+                fov,
+                power,
+            } => json::Light::Projection {
+                intensity: Color(*intensity),
+                image: format!("i{}", image.0),
+                fov: *fov,
+                power: *power,
+                transform: fixed(transform),
             },
         }
     }

@@ -20,5 +20,6 @@ mod irradiance;
 mod lights;
 mod motion;
 mod penumbra;
+mod pictured_lights;
 mod references;
 mod robustness;
