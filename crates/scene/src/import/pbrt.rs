@@ -7,6 +7,8 @@
 
 mod curves;
 mod directives;
+#[cfg(test)]
+mod features;
 mod frame;
 mod imagemap;
 mod legacy;

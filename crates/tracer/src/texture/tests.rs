@@ -410,3 +410,138 @@ fn pixels_stay_as_small_as_they_are() {
     assert_eq!(linear.texel(0, 0)[0], 128.0 / 255.0);
     assert!((linear.mean_luminance() - (128.0 / 255.0 + 1.0) / 2.0).abs() < 1e-6);
 }
+
+/// A picture with something in it, in every format that is read.
+fn samples() -> Vec<(&'static str, Vec<u8>)> {
+    use ::image::{DynamicImage, ImageFormat};
+    let rgb8 =
+        ::image::RgbImage::from_fn(9, 7, |x, y| ::image::Rgb([x as u8 * 25, y as u8 * 30, 77]));
+    let rgba8 = ::image::RgbaImage::from_fn(9, 7, |x, y| {
+        ::image::Rgba([x as u8 * 25, y as u8 * 30, 77, 200])
+    });
+    let float = DynamicImage::ImageRgb8(rgb8.clone()).into_rgb32f();
+    let mut out = vec![];
+    let mut add = |name, picture: DynamicImage, format| {
+        let mut bytes = std::io::Cursor::new(vec![]);
+        picture.write_to(&mut bytes, format).unwrap();
+        out.push((name, bytes.into_inner()));
+    };
+    add(
+        "a.png",
+        DynamicImage::ImageRgba8(rgba8.clone()),
+        ImageFormat::Png,
+    );
+    let wide = DynamicImage::ImageRgb8(rgb8.clone()).into_rgb16();
+    add("b.png", DynamicImage::ImageRgb16(wide), ImageFormat::Png);
+    add(
+        "a.jpg",
+        DynamicImage::ImageRgb8(rgb8.clone()),
+        ImageFormat::Jpeg,
+    );
+    add(
+        "a.tga",
+        DynamicImage::ImageRgba8(rgba8.clone()),
+        ImageFormat::Tga,
+    );
+    add("a.webp", DynamicImage::ImageRgba8(rgba8), ImageFormat::WebP);
+    add(
+        "a.hdr",
+        DynamicImage::ImageRgb32F(float.clone()),
+        ImageFormat::Hdr,
+    );
+    add(
+        "a.exr",
+        DynamicImage::ImageRgb32F(float),
+        ImageFormat::OpenExr,
+    );
+    out.push(("a.pfm", pfm(9, 7, |x, y| [x as f32, y as f32, 0.5])));
+    out
+}
+
+#[test]
+fn every_format_is_read() {
+    for (name, bytes) in samples() {
+        let image = Image::decode(name, &bytes, Encoding::Linear).unwrap();
+        assert_eq!((image.width, image.height), (9, 7), "{name}");
+        let (a, b) = (image.texel(1, 3)[0], image.texel(7, 3)[0]);
+        assert!(a < b, "{name}: {a} {b}");
+        // The name does not matter where the content says what it is.
+        if name != "a.tga" {
+            assert!(
+                Image::decode("x.tga", &bytes, Encoding::Linear).is_ok(),
+                "{name}"
+            );
+        }
+        let cut = Image::decode(name, &bytes[..bytes.len() / 2], Encoding::Linear);
+        assert!(cut.is_err() || name == "a.jpg", "{name}: half of a file");
+    }
+    assert!(Image::decode("a.bmp", b"BM1234", Encoding::Auto).is_err());
+    assert!(Image::decode("a.png", b"", Encoding::Auto).is_err());
+}
+
+mod damage {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(600))]
+        /// Damaged pictures are refused or read, and nothing else happens.
+        #[test]
+        fn never_panics(
+            which in 0usize..8,
+            edits in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0u8..4), 1..6),
+        ) {
+            let (name, mut bytes) = samples().swap_remove(which);
+            for (at, byte, what) in edits {
+                // Half of the damage goes to the header.
+                let end = if what & 1 == 0 { bytes.len().min(40) } else { bytes.len() };
+                if end == 0 {
+                    break;
+                }
+                let at = at.index(end);
+                match what {
+                    0 | 1 => bytes[at] = byte,
+                    2 => bytes.truncate(at),
+                    _ => bytes.insert(at, byte),
+                }
+            }
+            if let Ok(image) = Image::decode(name, &bytes, Encoding::Auto) {
+                let [w, h] = [image.width as usize, image.height as usize];
+                prop_assert!(w > 0 && h > 0);
+                let corner = image.texel(w - 1, h - 1);
+                prop_assert!(corner.iter().all(|c| c.is_finite()));
+            }
+        }
+    }
+}
+
+/// Pictures with the same bytes are decoded once and kept once, whatever they are called.
+#[test]
+fn equal_pictures_share_their_pixels() {
+    let (_, png) = samples().swap_remove(0);
+    let assets = scene::assets::MemorySource::new()
+        .with("a.png", &png)
+        .unwrap()
+        .with("copy/b.png", &png)
+        .unwrap();
+    let loader = super::image::ImageLoader::default();
+    let load = |path: &str, encoding, filtered| {
+        let desc = scene::model::ImageDesc {
+            path: path.into(),
+            encoding,
+            missing: false,
+        };
+        loader.load(&desc, filtered, &assets).unwrap()
+    };
+    let images = vec![
+        load("a.png", Encoding::Auto, false),
+        load("copy/b.png", Encoding::Auto, false),
+        load("a.png", Encoding::Linear, false),
+    ];
+    assert!(images[0].texel(5, 3)[0] < images[2].texel(5, 3)[0]);
+    assert_eq!(images[0].texel(5, 3), images[1].texel(5, 3));
+    let textures = Textures::new(vec![], images);
+    assert_eq!(textures.memory_bytes(), 9 * 7 * 4);
+    let with_pyramid = load("copy/b.png", Encoding::Auto, true);
+    assert!(with_pyramid.parts().len() == 2 && with_pyramid.parts()[0].1 == 9 * 7 * 4);
+}

@@ -78,14 +78,14 @@ fn projections_throw_their_pixels() {
     };
     // Twice as wide as high: at distance 1 it spans [-2, 2] x [-1, 1].
     let picture = || pfm(4, 2, |x, _| [values[x]; 3]);
-    let falloff = |x: f64| 1.0 / ((1.0 + x * x) * (1.0 + x * x));
+    let falloff = |x: f64| 1.0 / ((1.0 + x * x) * (1.0 + x * x).sqrt());
     let at = |x: f64| f64::from(values[((x + 2.0) as usize).min(3)]);
     exact("projection", light(None), picture(), |x| {
         5.0 * at(x) * falloff(x)
     });
 
-    // Power: the solid angle of the column from x = a to b, with |y| < 1, is the sum of two arcs.
-    let arc = |x: f64| (x / (x * x + 2.0).sqrt()).asin() * 2.0;
+    // Power: the solid angle of the column from x = a to b, with |y| < 1, is the difference of two of these.
+    let arc = |x: f64| (x / (x * x + 2.0).sqrt()).atan() * 2.0;
     let sum: f64 = (0..4)
         .map(|i| {
             let x = f64::from(i) - 2.0;
@@ -112,7 +112,7 @@ fn nothing_is_thrown_beside_the_picture() {
     let edge = 20f64.to_radians().tan();
     exact("edge", light, pfm(1, 1, |_, _| [1.0; 3]), |x| {
         if x.abs() < edge {
-            1.0 / ((1.0 + x * x) * (1.0 + x * x))
+            1.0 / ((1.0 + x * x) * (1.0 + x * x).sqrt())
         } else {
             0.0
         }
@@ -245,7 +245,7 @@ fn portals_agree_with_a_hole_in_the_roof() {
     let through_portal = Picture::of(&compile(&desc, &assets, 7, 1), 64);
     // The same with a black roof around the hole instead.
     let (mut desc, assets) = plane(environment(image, None, None), sky(), 64);
-    let far = 10.0;
+    let far = 1000.0;
     for (a, b, c, d) in [
         (-far, xs.0, -far, far),
         (xs.1, far, -far, far),

@@ -17,7 +17,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 /// For suggestions.
-const DIRECTIVES: [&str; 41] = [
+pub(super) const DIRECTIVES: [&str; 41] = [
     "Accelerator",
     "ActiveTransform",
     "AreaLightSource",
@@ -474,7 +474,6 @@ impl Importer<'_, '_> {
                         format!("unknown area light {kind:?}{hint}"),
                     ));
                 } else if self.only(&place, word, true) {
-                    params.ignore(&["samples", "nsamples"]);
                     let result = self.check_area_light(&params);
                     if self.cx.keep(result).is_some() {
                         self.warn_unused(&params, "the area light");

@@ -12,10 +12,10 @@ use crate::model::{
 };
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
-const CAMERAS: [&str; 4] = ["perspective", "orthographic", "spherical", "realistic"];
-const FILMS: [&str; 3] = ["rgb", "gbuffer", "spectral"];
-const FILTERS: [&str; 5] = ["box", "gaussian", "mitchell", "sinc", "triangle"];
-const SAMPLERS: [&str; 7] = [
+pub(super) const CAMERAS: [&str; 4] = ["perspective", "orthographic", "spherical", "realistic"];
+pub(super) const FILMS: [&str; 3] = ["rgb", "gbuffer", "spectral"];
+pub(super) const FILTERS: [&str; 5] = ["box", "gaussian", "mitchell", "sinc", "triangle"];
+pub(super) const SAMPLERS: [&str; 7] = [
     "zsobol",
     "paddedsobol",
     "halton",
@@ -24,7 +24,7 @@ const SAMPLERS: [&str; 7] = [
     "independent",
     "stratified",
 ];
-const INTEGRATORS: [&str; 11] = [
+pub(super) const INTEGRATORS: [&str; 11] = [
     "path",
     "volpath",
     "simplepath",
@@ -330,7 +330,10 @@ impl Importer<'_, '_> {
                 &params.place,
                 format!("film {:?}: only its colour is rendered", setting.kind),
             );
-            params.ignore(&["coordinatesystem", "nbuckets", "lambdamin", "lambdamax"]);
+            params.ignore(match setting.kind.as_str() {
+                "gbuffer" => &["coordinatesystem"],
+                _ => &["nbuckets", "lambdamin", "lambdamax"],
+            });
         }
         params.ignore(&["filename", "savefp16"]);
         let side = 1..=crate::limits::MAX_SIDE;
@@ -504,25 +507,20 @@ impl Importer<'_, '_> {
                     &params.place,
                     format!("integrator {kind:?} is not supported: the path tracer stands in"),
                 );
-                params.ignore(&[
-                    "lightsampler",
-                    "regularize",
-                    "visualizestrategies",
-                    "visualizeweights",
-                    "bootstrapsamples",
-                    "chains",
-                    "mutationsperpixel",
-                    "largestepprobability",
-                    "sigma",
-                    "photonsperiteration",
-                    "radius",
-                    "seed",
-                    "cossample",
-                    "maxdistance",
-                    "function",
-                    "filename",
-                    "skipbad",
-                ]);
+                params.ignore(match kind {
+                    "bdpt" => &["regularize", "visualizestrategies", "visualizeweights"],
+                    "mlt" => &[
+                        "bootstrapsamples",
+                        "chains",
+                        "mutationsperpixel",
+                        "largestepprobability",
+                        "sigma",
+                    ],
+                    "sppm" => &["photonsperiteration", "radius", "seed", "regularize"],
+                    "ambientocclusion" => &["cossample", "maxdistance"],
+                    "function" => &["function", "filename", "skipbad"],
+                    _ => &[],
+                });
             }
         }
         Ok(Integrator::Path { max_depth })

@@ -12,7 +12,7 @@ use crate::model::{
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
 
-const LIGHTS: [&str; 6] = [
+pub(super) const LIGHTS: [&str; 6] = [
     "distant",
     "goniometric",
     "infinite",

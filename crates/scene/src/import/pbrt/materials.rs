@@ -10,7 +10,7 @@ use crate::model::{
 };
 use std::collections::BTreeSet;
 
-const MATERIALS: [&str; 12] = [
+pub(super) const MATERIALS: [&str; 12] = [
     "coatedconductor",
     "coateddiffuse",
     "conductor",

@@ -6,7 +6,7 @@ use crate::context::Issue;
 use crate::model::{Mesh, Shape};
 use std::sync::Arc;
 
-const SHAPES: [&str; 8] = [
+pub(super) const SHAPES: [&str; 8] = [
     "bilinearmesh",
     "curve",
     "cylinder",
