@@ -103,14 +103,22 @@ impl Geometry {
         } else {
             let mesh = &self.meshes[surface.mesh as usize];
             point.fill(mesh, at.index, hit.u, hit.v);
-            let [a, b, c] = mesh.corners_at(at.index, ray.time);
-            point.n = (b - a).cross(c - a);
+            if self.textures.directional {
+                let [a, b, c] = if mesh.keys.is_empty() {
+                    mesh.corners(at.index)
+                } else {
+                    mesh.corners_at(at.index, ray.time)
+                };
+                point.n = (b - a).cross(c - a);
+            }
         }
-        if hit.instance != NONE {
-            let (_, from) = self.instances[hit.instance as usize].placement.at(ray.time);
-            point.n = from.transposed_vector(point.n);
+        if self.textures.directional {
+            if hit.instance != NONE {
+                let (_, from) = self.instances[hit.instance as usize].placement.at(ray.time);
+                point.n = from.transposed_vector(point.n);
+            }
+            point.n = crate::math::normalize(point.n);
         }
-        point.n = crate::math::normalize(point.n);
         point.p = ray.origin + ray.direction * hit.t;
         let alpha = self.textures.float(&alpha, &point);
         if alpha >= 1.0 {

@@ -89,6 +89,8 @@ pub struct Textures {
     pub images: Vec<Image>,
     /// What is known of each node beforehand.
     facts: Vec<Facts>,
+    /// Some node asks for the normal.
+    pub(crate) directional: bool,
 }
 
 /// What is known of a node of [`Textures`] beforehand.
@@ -129,10 +131,14 @@ impl Textures {
                 factor,
             });
         }
+        let directional = nodes
+            .iter()
+            .any(|node| matches!(node, Texture::DirectionMix { .. }));
         Textures {
             nodes,
             images,
             facts,
+            directional,
         }
     }
 

