@@ -163,7 +163,7 @@ impl Portal {
         let (x0, x1) = (f64::from(window.low.x), f64::from(window.high.x));
         let (y0, y1) = (f64::from(window.low.y), f64::from(window.high.y));
         let total = self.sum(x0, x1, y0, y1);
-        if !(total > 0.0) {
+        if total <= 0.0 {
             return None;
         }
         let x = self.invert(x0, x1, f64::from(u.x) * total, |x| self.sum(x0, x, y0, y1));

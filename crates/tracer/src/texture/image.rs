@@ -278,12 +278,14 @@ fn from_srgb(x: f32) -> f32 {
 /// A result that whoever comes first works out and all others wait for.
 type Once<T> = Arc<OnceLock<Result<T, String>>>;
 
+/// Content, encoding, and whether there is a pyramid.
+type FinishedKey = ([u8; 32], u64, bool);
+
 /// Pictures of a scene on their way in: what is decoded already, by content.
 #[derive(Default)]
 pub struct ImageLoader {
     decoded: Mutex<BTreeMap<[u8; 32], Once<Arc<Raw>>>>,
-    /// By content and encoding.
-    finished: Mutex<BTreeMap<([u8; 32], u64, bool), Once<Image>>>,
+    finished: Mutex<BTreeMap<FinishedKey, Once<Image>>>,
 }
 
 impl ImageLoader {

@@ -212,7 +212,7 @@ impl Pyramid {
         // Rows run down, texture coordinates up.
         let size = Vec2::new(w as f32, -h as f32);
         let center = Vec2::new(st.x * w as f32 - 0.5, (1.0 - st.y) * h as f32 - 0.5);
-        if !(center.abs().max_element() < 1e9) {
+        if !center.is_finite() || center.abs().max_element() > 1e9 {
             return self.texel(image, level, (0, 0), wrap);
         }
         let (d0, d1) = (long * size, short * size);

@@ -277,3 +277,93 @@ fn portals_agree_with_a_hole_in_the_roof() {
         assert!(error < 0.05 * b.mean(), "column {i}: nothing is said");
     }
 }
+
+/// Shapes of which one half shines, by texture coordinates: the halves are mirror images of each other
+/// and add up to the whole, which has a closed form.
+#[test]
+fn halves_of_textured_shapes_add_up() {
+    let (height, radius) = (1.5, 0.6);
+    // Local y is +X of the world; the disk faces down.
+    let turn = |down: bool| {
+        let (y, z) = (DVec3::X, if down { DVec3::NEG_Y } else { DVec3::Y });
+        DAffine3::from_mat3_translation(
+            glam::DMat3::from_cols(y.cross(z), y, z),
+            DVec3::new(0.0, height, 0.0),
+        )
+    };
+    let disk = Shape::Disk {
+        radius,
+        inner_radius: 0.0,
+        height: 0.0,
+    };
+    // Form factor of a parallel disk, seen from x off its axis.
+    let of_disk = |x: f64| {
+        let (h, r, a) = (height * height, radius * radius, x * x);
+        0.5 * (1.0 - (h + a - r) / ((h + a + r) * (h + a + r) - 4.0 * a * r).sqrt())
+    };
+    let of_sphere = |x: f64| {
+        let d2 = height * height + x * x;
+        radius * radius / d2 * height / d2.sqrt()
+    };
+    type Case<'a> = (Shape, DAffine3, &'a dyn Fn(f64) -> f64);
+    let cases: [Case; 2] = [
+        (disk, turn(true), &of_disk),
+        (Shape::Sphere { radius }, turn(false), &of_sphere),
+    ];
+    for (shape, transform, factor) in cases {
+        let half = |bright_first: bool| {
+            let mut desc = blank(COLUMNS, 64);
+            as_points_below(&mut desc, X, 0.0);
+            desc.integrator = Integrator::Path { max_depth: 1 };
+            let white = ColorTex::Const([1.0; 3]);
+            let black = ColorTex::Const([0.0; 3]);
+            let (even, odd) = if bright_first {
+                (white, black)
+            } else {
+                (black, white)
+            };
+            desc.textures.push(Texture::Checkerboard {
+                map: UvMap::Uv {
+                    set: 0,
+                    matrix: [2.0, 0.0, 0.0, 0.0, 0.0, 0.5],
+                },
+                even,
+                odd,
+            });
+            desc.place(
+                Shape::Rectangle,
+                horizontal([0.0; 3], 10.0, 10.0),
+                diffuse(RHO as f32),
+            );
+            desc.place(shape.clone(), transform, diffuse(0.0)).emission = Some(Emission {
+                radiance: ColorTex::Texture(TextureId(0)),
+                scale: 4.0,
+                two_sided: false,
+            });
+            render(&desc, 256)
+        };
+        let (first, second) = (half(true), half(false));
+        for i in 0..COLUMNS {
+            let x = column(i, COLUMNS, X);
+            let want = RHO * 4.0 * factor(x);
+            let (a, b) = (first.column(i), second.column(i));
+            let error = (a.error() * a.error() + b.error() * b.error()).sqrt();
+            let sum = a.mean() + b.mean();
+            assert!(
+                (sum - want).abs() < 5.0 * error + 1e-4 * want && error < 0.01 * want,
+                "{shape:?} at x = {x}: {sum} +- {error}, expected {want}"
+            );
+            let mirrored = second.column(COLUMNS - 1 - i);
+            let difference = (a.mean() - mirrored.mean()).abs();
+            let error = (a.error() * a.error() + mirrored.error() * mirrored.error()).sqrt();
+            assert!(
+                difference < 5.0 * error + 1e-4 * want,
+                "{shape:?} at x = {x}: {} and {}",
+                a.mean(),
+                mirrored.mean()
+            );
+            // The bright half is on one side.
+            assert!(x.abs() < 0.3 || (a.mean() > b.mean()) == (x > 0.0));
+        }
+    }
+}

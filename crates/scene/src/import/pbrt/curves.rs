@@ -144,7 +144,7 @@ fn elevated([a, b, c]: [DVec3; 3]) -> [DVec3; 4] {
 
 /// Pieces that share their end points; nothing if the points do not come out even.
 fn bezier(points: &[DVec3], degree: usize) -> Option<Vec<[DVec3; 4]>> {
-    if points.len() <= degree || (points.len() - 1) % degree != 0 {
+    if points.len() <= degree || !(points.len() - 1).is_multiple_of(degree) {
         return None;
     }
     let piece = |i: usize| {

@@ -67,7 +67,7 @@ pub(super) fn thin_lens(numbers: &[f64]) -> Result<ThinLens, String> {
     } else {
         narrowest(&mut elements.iter())
     };
-    if !(stop > 0.0) {
+    if stop <= 0.0 {
         return Err("a lens that lets nothing through".into());
     }
     Ok(ThinLens { focal_length, stop })

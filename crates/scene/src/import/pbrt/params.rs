@@ -350,31 +350,6 @@ impl Params {
     }
 }
 
-/// For the check of the table of features: which parameters the importer asks for.
-#[cfg(test)]
-pub(super) mod asked {
-    use std::cell::RefCell;
-    use std::collections::BTreeSet;
-
-    thread_local! {
-        static ASKED: RefCell<Option<BTreeSet<String>>> = const { RefCell::new(None) };
-    }
-
-    pub fn start() {
-        ASKED.set(Some(BTreeSet::new()));
-    }
-    pub fn stop() -> BTreeSet<String> {
-        ASKED.take().unwrap_or_default()
-    }
-    pub(super) fn note(name: &str) {
-        ASKED.with_borrow_mut(|asked| {
-            if let Some(asked) = asked {
-                asked.insert(name.to_owned());
-            }
-        });
-    }
-}
-
 fn read_values(lexer: &mut Lexer<'_>, kind: Kind, name: &str) -> Result<Values, LexError> {
     let mut numbers = Vec::new();
     let mut texts = Vec::new();
@@ -474,5 +449,30 @@ fn read_values(lexer: &mut Lexer<'_>, kind: Kind, name: &str) -> Result<Values, 
             fail("integers")
         }
         _ => Ok(Values::Numbers(numbers)),
+    }
+}
+
+/// For the check of the table of features: which parameters the importer asks for.
+#[cfg(test)]
+pub(super) mod asked {
+    use std::cell::RefCell;
+    use std::collections::BTreeSet;
+
+    thread_local! {
+        static ASKED: RefCell<Option<BTreeSet<String>>> = const { RefCell::new(None) };
+    }
+
+    pub fn start() {
+        ASKED.set(Some(BTreeSet::new()));
+    }
+    pub fn stop() -> BTreeSet<String> {
+        ASKED.take().unwrap_or_default()
+    }
+    pub(super) fn note(name: &str) {
+        ASKED.with_borrow_mut(|asked| {
+            if let Some(asked) = asked {
+                asked.insert(name.to_owned());
+            }
+        });
     }
 }
