@@ -38,8 +38,9 @@ struct Lens {
 }
 
 /// Share of a pixel that a texture is averaged over: the rest is done by samples, which lie all over the
-/// pixel filter. It cannot depend on their number, as a picture may be extended.
-const FOOTPRINT: f32 = 0.5;
+/// pixel filter. pbrt-v4 takes 1 / sqrt(spp) but not less than this; it cannot depend on the number of
+/// samples here, as a picture may be extended.
+const FOOTPRINT: f32 = 0.125;
 
 /// How much of a surface a pixel covers, as a cone from the eye: exact enough for what is seen
 /// directly, and for what is seen after bounces what it would be if it were seen directly (as pbrt-v4
