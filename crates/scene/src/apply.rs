@@ -219,6 +219,8 @@ fn environment(desc: &mut SceneDesc, look: &Look, cx: &mut Context<'_>) -> Resul
             radiance: [strength as f32; 3],
             image: Some((image, SphereMapping::LatLong)),
             hidden: false,
+            illuminance: None,
+            portal: None,
         });
     } else if look.env_strength.is_some() || look.env_rotate.is_some() {
         for light in &mut desc.lights {

@@ -67,6 +67,38 @@ pub fn blackbody(kelvin: f64) -> Option<Rgb> {
     emission_hue(|lambda| planck(kelvin, lambda) / scale)
 }
 
+/// The colour of a black body whose spectrum is 1 at its peak, with luminance summed over nanometres:
+/// what pbrt's volumes give off. Black up to 100 K.
+pub fn blackbody_peak_one(kelvin: f64) -> Rgb {
+    // Wien's displacement, nm K.
+    const DISPLACEMENT: f64 = 2_897_771.955;
+    // A temperature that is no number gives no light either.
+    let hue = match blackbody(kelvin) {
+        Some(hue) if kelvin > 100.0 => hue,
+        _ => return [0.0; 3],
+    };
+    let peak = planck(kelvin, DISPLACEMENT / kelvin);
+    let seen = |lambda: f64| matching(lambda)[1] * planck(kelvin, lambda) / peak;
+    let y = 5.0 * wavelengths().map(seen).sum::<f64>();
+    hue.map(|c| (f64::from(c) * y) as f32)
+}
+
+/// The colour of a phase of daylight (CIE series D, 4000 to 25000 K; a black body below), at luminance 1.
+pub fn daylight(kelvin: f64) -> Option<Rgb> {
+    if kelvin < 4000.0 {
+        return blackbody(kelvin).filter(|_| kelvin >= 100.0);
+    }
+    let t = 1000.0 / kelvin;
+    let x = if kelvin <= 7000.0 {
+        0.244_063 + t * (0.099_11 + t * (2.967_8 - t * 4.607))
+    } else {
+        0.237_040 + t * (0.247_48 + t * (1.901_8 - t * 2.006_4))
+    };
+    let y = -3.0 * x * x + 2.870 * x - 0.275;
+    let rgb = rgb_of([x / y, 1.0, (1.0 - x - y) / y]);
+    (kelvin <= 25_000.0).then(|| rgb.map(|c| c.max(0.0) as f32))
+}
+
 /// What a quantity over wavelengths is to each channel under daylight: its mean, weighted by what the
 /// channel sees of it. For reflectances this is the colour that a white light shows.
 pub fn weighted(spectrum: impl Fn(f64) -> f64) -> Rgb {
@@ -157,9 +189,18 @@ mod tests {
         // By the tabulated matching functions; the fit is good to a few percent.
         near(blackbody(6504.0).unwrap(), [1.04, 0.99, 1.0], 0.04);
         near(blackbody(2856.0).unwrap(), [1.845, 0.826, 0.233], 0.05);
+        near(daylight(6504.0).unwrap(), [1.0; 3], 0.01);
+        near(daylight(5003.0).unwrap(), [1.1760, 0.9757, 0.7205], 0.005);
+        assert_eq!((daylight(3000.0), daylight(3e4)), (blackbody(3000.0), None));
         let luminance_of_3000 = luminance(blackbody(3000.0).unwrap());
         assert!((luminance_of_3000 - 1.0).abs() < 1e-6);
         assert_eq!(emission_hue(|_| 0.0), None);
+        // A flat spectrum of 1 would have the area of the matching function, 106.9.
+        let hot = luminance(blackbody_peak_one(6000.0));
+        assert!((90.0..106.9).contains(&hot), "{hot}");
+        assert!(luminance(blackbody_peak_one(2000.0)) < 20.0);
+        assert_eq!(blackbody_peak_one(99.0), [0.0; 3]);
+        assert_eq!(blackbody_peak_one(f64::NAN), [0.0; 3]);
         near(weighted(|_| 0.25), [0.25; 3], 1e-6);
     }
 

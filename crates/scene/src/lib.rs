@@ -29,6 +29,7 @@ pub mod limits;
 mod load;
 pub mod model;
 pub mod native;
+pub mod noise;
 mod number;
 pub mod overrides;
 pub mod picture;

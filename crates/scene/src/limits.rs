@@ -14,6 +14,8 @@ pub const MAX_IMPORT_BYTES: u64 = 2 << 30;
 pub const MAX_JSON_BYTES: u64 = 128 << 20;
 /// Most numbers of one parameter of a pbrt file.
 pub const MAX_NUMBERS: usize = 1 << 26;
+/// Most octaves of a noise texture: finer ones are below single precision.
+pub const MAX_OCTAVES: u32 = 64;
 /// How deep files may include files, and blocks may lie in blocks.
 pub const MAX_NESTING: usize = 64;
 /// Deepest nesting of instances in groups.

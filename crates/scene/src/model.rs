@@ -627,6 +627,39 @@ pub enum Light {
         image: Option<(ImageId, SphereMapping)>,
         /// Alpha 0 where it is seen directly.
         hidden: bool,
+        /// Scales the picture, before `radiance`, until a surface facing +Z of light space receives this
+        /// luminance from it: by pbrt-v4's sum, which counts half of the solid angle of each pixel (so
+        /// that a white picture comes out at twice the radiance of a constant sky of the same
+        /// illuminance).
+        illuminance: Option<f32>,
+        /// Corners of a planar rectangle in the world, in order around it. Light is only seen and only
+        /// arrives through it, from the side that (p3 - p0) x (p1 - p0) points to. `None` is everywhere.
+        portal: Option<[DVec3; 4]>,
+    },
+    /// From a point with an intensity that depends on the direction (goniometric).
+    Goniometric {
+        /// Light to world; the middle of the picture is +Y, as pbrt-v4 has it.
+        transform: DAffine3,
+        /// Power per solid angle where the picture is 1.
+        intensity: Rgb,
+        /// Square picture in the equal-area octahedral layout; the mean of its channels counts.
+        image: ImageId,
+        /// Scales the picture, before `intensity`, until it sums to this over the sphere.
+        power: Option<f32>,
+    },
+    /// A picture thrown from a point along +Z of light space, +Y up, +X to its right.
+    Projection {
+        /// Light to world.
+        transform: DAffine3,
+        /// Power per solid angle where the picture is 1.
+        intensity: Rgb,
+        /// What is thrown.
+        image: ImageId,
+        /// Full angle over the shorter side of the picture, degrees.
+        fov: f64,
+        /// Scales the picture, before `intensity`, until its luminance sums to this over the solid
+        /// angle that it fills.
+        power: Option<f32>,
     },
 }
 
@@ -680,6 +713,55 @@ pub enum Wrap {
     Clamp,
     /// Nothing: zero.
     Black,
+    /// Across the edges of an equal-area octahedral picture [Clarberg08]; counts for both axes.
+    Octahedral,
+}
+
+/// How a picture is read where a pixel of the render covers many of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum MipFilter {
+    /// Between the two nearest levels of a pyramid of halved pictures [Williams83].
+    Trilinear,
+    /// An elliptical Gaussian over a level of the pyramid [Heckbert89].
+    Ewa {
+        /// The ellipse is fattened until its axes differ by no more than this, at least 1.
+        max_anisotropy: f32,
+    },
+}
+
+/// Procedural patterns in space, from gradient noise [Perlin02] with pbrt-v4's gradients. Octaves are
+/// never cut off by distance: many samples see what few would alias.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum NoisePattern {
+    /// Sum of octaves, about 0.
+    Fbm {
+        /// Each 1.99 times as fine as the one before.
+        octaves: u32,
+        /// Factor from one octave to the next.
+        roughness: f32,
+    },
+    /// Sum of the absolute values of octaves, plus 0.2 of the one after the last.
+    Wrinkled {
+        /// See above.
+        octaves: u32,
+        /// See above.
+        roughness: f32,
+    },
+    /// Waves whose height follows a slower noise.
+    Windy,
+    /// Veins: a sine along y, disturbed by noise, through a spline of colours.
+    Marble {
+        /// See above.
+        octaves: u32,
+        /// See above.
+        roughness: f32,
+        /// Of positions, before anything else.
+        scale: f32,
+        /// How much the noise disturbs.
+        variation: f32,
+    },
 }
 
 /// From surface to texture coordinates.
@@ -695,6 +777,17 @@ pub enum UvMap {
     },
     /// World position through a matrix: planar projection (x, y), with z for solid textures.
     Planar {
+        /// World to texture.
+        matrix: DAffine3,
+    },
+    /// Direction from the origin of texture space: s is the angle from +Z over 180 degrees, t the angle
+    /// about it from +X over 360.
+    Spherical {
+        /// World to texture.
+        matrix: DAffine3,
+    },
+    /// Around the z axis of texture space: s is the angle from -X over 360 degrees, t is z.
+    Cylindrical {
         /// World to texture.
         matrix: DAffine3,
     },
@@ -741,6 +834,9 @@ pub enum Channel {
     A,
     /// Mean of red, green, blue.
     Mean,
+    /// Alpha, or the mean of red, green, blue where the texture is a picture that is opaque
+    /// everywhere: what pbrt-v4 takes from a picture with an alpha channel.
+    AlphaOrMean,
 }
 
 /// A texture: a function from the surface to RGBA.
@@ -761,6 +857,9 @@ pub enum Texture {
         wrap: (Wrap, Wrap),
         /// Nearest pixel instead of bilinear.
         nearest: bool,
+        /// Pyramid, where pixels of the render cover many of the picture; `None` reads the picture as
+        /// it is (bilinear, or nearest).
+        mip: Option<MipFilter>,
         /// 1 - value for colour channels, applied before `scale`.
         invert: bool,
         /// Factor.
@@ -806,6 +905,51 @@ pub enum Texture {
         value: FloatTex,
         /// With what.
         at: f32,
+    },
+    /// Alternating cubes of unit size in space.
+    Checkerboard3d {
+        /// World to texture.
+        matrix: DAffine3,
+        /// Where the sum of the cell's integer coordinates is even.
+        even: ColorTex,
+        /// Elsewhere.
+        odd: ColorTex,
+    },
+    /// Dots of radius 0.35, one in about three of eight unit squares of texture space, each moved a
+    /// little.
+    Dots {
+        /// Where.
+        map: UvMap,
+        /// On the dots.
+        inside: ColorTex,
+        /// Between them.
+        outside: ColorTex,
+    },
+    /// Gradient noise in space.
+    Noise {
+        /// World to texture.
+        matrix: DAffine3,
+        /// Which.
+        pattern: NoisePattern,
+    },
+    /// |n . direction| a + (1 - |n . direction|) b with the geometric normal n.
+    DirectionMix {
+        /// Where the surface faces the direction.
+        a: ColorTex,
+        /// Where it is at right angles to it.
+        b: ColorTex,
+        /// In the world, unit length.
+        direction: DVec3,
+    },
+    /// A number as a grey, alpha 1.
+    Grey {
+        /// The number.
+        value: FloatTex,
+    },
+    /// A picture divided by the mean luminance of all of its pixels; black stays black.
+    UnitMean {
+        /// A texture of the kind [`Texture::Image`].
+        texture: TextureId,
     },
 }
 

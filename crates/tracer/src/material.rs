@@ -29,6 +29,8 @@ pub struct Material {
     tables: Option<PrincipledTables>,
     /// The surface's tangents matter.
     pub needs_tangents: bool,
+    /// Some texture makes use of what a pixel covers.
+    pub needs_footprint: bool,
 }
 
 /// GGX widths that coats of varying roughness are tabulated at; the nearest is taken.
@@ -36,7 +38,7 @@ const COAT_WIDTHS: [f32; 8] = [0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0];
 
 impl Material {
     /// Compiles a description, all but the tables that materials share.
-    fn new(desc: &model::Material) -> Material {
+    fn new(desc: &model::Material, textures: &Textures) -> Material {
         let mut coats = vec![];
         let mut lobes = vec![];
         let mut anisotropic = false;
@@ -84,6 +86,8 @@ impl Material {
             lobes,
             tables: None,
             needs_tangents: anisotropic || mapped,
+            // Which of them the material refers to is not worth finding out.
+            needs_footprint: textures.any_footprint(),
         }
     }
 }
@@ -185,8 +189,11 @@ fn terminator(n: Vec3, wo: Vec3, wi: Vec3) -> f32 {
 
 impl Materials {
     /// Compiles descriptions, and the tables that they share.
-    pub fn new(described: &[model::Material]) -> Materials {
-        let mut list: Vec<Material> = described.par_iter().map(Material::new).collect();
+    pub fn new(described: &[model::Material], textures: &Textures) -> Materials {
+        let mut list: Vec<Material> = described
+            .par_iter()
+            .map(|material| Material::new(material, textures))
+            .collect();
         // Curves by (bits of the index, sheet, solid), so that each is made once.
         let mut curves: BTreeMap<(u32, bool, bool), Option<Arc<Curve>>> = BTreeMap::new();
         let mut sheen = false;
@@ -218,7 +225,7 @@ impl Materials {
             }
         }
         let mut materials = Materials { list };
-        materials.propagate_tangents();
+        materials.propagate_needs();
         materials
     }
 
@@ -280,8 +287,8 @@ impl Materials {
         }
     }
 
-    /// Whether a surface of this material needs tangents, whatever a mix picks.
-    fn propagate_tangents(&mut self) {
+    /// Whether a surface of this material needs tangents or footprints, whatever a mix picks.
+    fn propagate_needs(&mut self) {
         for i in 0..self.list.len() {
             let inner = match &self.list[i].desc {
                 BsdfDesc::Mix { a, b, .. } => vec![a.index(), b.index()],

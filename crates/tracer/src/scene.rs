@@ -1,8 +1,8 @@
 //! A prepared scene: immutable and shared between threads.
 
 use crate::accel::Geometry;
-use crate::camera::Camera;
 use crate::camera::filter::FilterSampler;
+use crate::camera::{Camera, PixelView};
 use crate::geometry::Interaction;
 use crate::light::{Light, Lights};
 use crate::material::Materials;
@@ -27,6 +27,8 @@ pub struct Scene {
     pub has_media: bool,
     /// The view.
     pub camera: Camera,
+    /// How much of a surface a pixel covers.
+    pub view: PixelView,
     /// Reconstruction filter.
     pub filter: FilterSampler,
     /// How light is gathered.
@@ -80,13 +82,21 @@ impl Scene {
     /// Everything about the point of a hit.
     #[inline]
     pub fn interaction(&self, ray: &Ray, hit: &Hit) -> Interaction {
-        Interaction::new(
+        let materials = &self.materials.list;
+        let mut it = Interaction::new(
             &self.geometry,
             &self.lights.light_of,
             ray,
             hit,
-            |material| self.materials.list[material as usize].needs_tangents,
-        )
+            |material| {
+                let material = &materials[material as usize];
+                material.needs_tangents || material.needs_footprint
+            },
+        );
+        if materials[it.material as usize].needs_footprint {
+            self.view.cover(&mut it, ray);
+        }
+        it
     }
 
     /// Radiance that a surface gives off towards `wo`.

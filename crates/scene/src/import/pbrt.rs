@@ -5,30 +5,40 @@
 //! What is not understood is warned about with file and line; what is broken is an error, and reading
 //! goes on after it as long as the file still makes sense.
 
+mod curves;
 mod directives;
+#[cfg(test)]
+mod features;
 mod frame;
+mod imagemap;
 mod legacy;
+mod lens;
 mod lexer;
 mod lights;
 mod materials;
 mod matrix;
+mod media;
 mod params;
+mod presets;
 mod shapes;
 mod spectra;
 mod subdivide;
 mod tessellate;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tests_v4;
 mod textures;
 
 use crate::context::{Context, Issue};
 use crate::diagnostic::Place;
 use crate::limits::MAX_NESTING;
 use crate::model::{
-    Camera, Emission, FloatTex, Group, GroupId, Instance, Light, Material, MaterialId, Motion,
-    Primitive, SceneDesc, Shape, Texture,
+    Camera, Curves, Emission, FloatTex, Group, GroupId, Instance, Light, Material, MaterialId,
+    Medium, MediumId, MediumInterface, Motion, Primitive, SceneDesc, Shape, Texture,
 };
 use glam::DMat4;
+use media::Sides;
 use params::{Param, Params};
 use spectra::ColorSpace;
 use std::collections::BTreeMap;
@@ -39,7 +49,7 @@ use std::rc::Rc;
 const MAX_TEXT_BYTES: u64 = 1 << 30;
 
 /// Which material a shape has; resolved at the end.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 enum MaterialRef {
     /// Index into [`Importer::materials`].
     Index(usize),
@@ -54,6 +64,7 @@ struct Graphics {
     reverse: bool,
     material: MaterialRef,
     area_light: Option<Rc<Params>>,
+    sides: Sides,
     space: ColorSpace,
     /// Parameters set by `Attribute`, by target.
     attributes: [Rc<Vec<Param>>; 5],
@@ -77,10 +88,24 @@ struct PendingShape {
     emission: Option<Rc<Params>>,
     alpha: Option<Alpha>,
     reverse: bool,
+    sides: Sides,
     place: Place,
 }
 
-#[derive(Clone)]
+impl PendingShape {
+    /// Whether it differs from another only in its geometry and where it was written.
+    fn looks_like(&self, other: &PendingShape) -> bool {
+        self.transform == other.transform
+            && self.material == other.material
+            && self.emission.is_none()
+            && other.emission.is_none()
+            && self.alpha == other.alpha
+            && self.reverse == other.reverse
+            && self.sides == other.sides
+    }
+}
+
+#[derive(Clone, PartialEq)]
 enum Alpha {
     Value(f32),
     Texture(String),
@@ -112,7 +137,8 @@ struct Setting {
 
 #[derive(Default)]
 struct Settings {
-    camera: Option<(Setting, [DMat4; 2])>,
+    /// With the current matrices and the medium around it.
+    camera: Option<(Setting, [DMat4; 2], std::sync::Arc<str>)>,
     film: Option<Setting>,
     filter: Option<Setting>,
     sampler: Option<Setting>,
@@ -129,6 +155,11 @@ pub(crate) struct Importer<'c, 'a> {
     coordinates: BTreeMap<String, [DMat4; 2]>,
     materials: Vec<MaterialEntry>,
     material_names: BTreeMap<String, usize>,
+    /// What each material is filled with, by index; known once they are built.
+    interiors: Vec<Option<MediumId>>,
+    media: Vec<Medium>,
+    media_names: BTreeMap<String, MediumId>,
+    curves: Vec<Curves>,
     float_textures: BTreeMap<String, FloatTex>,
     color_textures: BTreeMap<String, crate::model::ColorTex>,
     textures: Vec<Texture>,
@@ -161,6 +192,7 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
             reverse: false,
             material: MaterialRef::Index(0),
             area_light: None,
+            sides: Sides::default(),
             space: ColorSpace::default(),
             attributes: Default::default(),
         },
@@ -171,6 +203,10 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
         coordinates: BTreeMap::new(),
         materials: vec![default_material],
         material_names: BTreeMap::new(),
+        interiors: Vec::new(),
+        media: Vec::new(),
+        media_names: BTreeMap::new(),
+        curves: Vec::new(),
         float_textures: BTreeMap::new(),
         color_textures: BTreeMap::new(),
         textures: Vec::new(),
@@ -312,8 +348,8 @@ impl Importer<'_, '_> {
             images: Vec::new(),
             textures: self.textures,
             materials,
-            media: Vec::new(),
-            curves: Vec::new(),
+            media: self.media,
+            curves: self.curves,
             primitives,
             groups,
             instances,
@@ -349,6 +385,7 @@ impl Importer<'_, '_> {
             emission,
             alpha,
             reverse,
+            sides,
             place,
         } = pending;
         let index = match material {
@@ -366,6 +403,7 @@ impl Importer<'_, '_> {
             },
         };
         let material = *ids.get(index)?;
+        let media = self.sides(&sides, index, &place)?;
         let alpha = match alpha {
             None => None,
             Some(Alpha::Value(value)) => (value < 1.0).then_some(FloatTex::Const(value)),
@@ -409,8 +447,35 @@ impl Importer<'_, '_> {
             emission,
             alpha,
             reverse_orientation: reverse,
-            media: None,
+            media,
         })
+    }
+
+    /// What lies on the two sides of a shape. Where both names are the same the shape is no border.
+    fn sides(
+        &mut self,
+        sides: &Sides,
+        material: usize,
+        place: &Place,
+    ) -> Option<Option<MediumInterface>> {
+        let interior = self.interiors.get(material).copied().flatten();
+        if sides.inside == sides.outside && interior.is_none() {
+            return Some(None);
+        }
+        let inside = self.medium(&sides.inside, place);
+        let mut inside = self.cx.keep(inside)?;
+        let outside = self.medium(&sides.outside, place);
+        let outside = self.cx.keep(outside)?;
+        if interior.is_some() {
+            if inside.is_some() && inside != outside {
+                self.warn_once(
+                    place,
+                    "a subsurface material fills the shape: the medium named for its inside is left out",
+                );
+            }
+            inside = interior;
+        }
+        Some(Some(MediumInterface { inside, outside }))
     }
 }
 

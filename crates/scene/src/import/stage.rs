@@ -195,6 +195,8 @@ pub(crate) fn sky(
     );
     let image = cx.image_bytes(&place, "soft sky.pfm", sky_picture(), Encoding::Linear)?;
     desc.lights.push(Light::Environment {
+        illuminance: None,
+        portal: None,
         transform: DAffine3::IDENTITY,
         radiance: [1.0; 3],
         image: Some((image, SphereMapping::LatLong)),

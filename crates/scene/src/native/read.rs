@@ -190,6 +190,16 @@ fn encoding(encoding: json::Encoding) -> Encoding {
     }
 }
 
+/// The same direction with length 1; what has it already keeps its bits.
+fn unit(direction: DVec3) -> Result<DVec3, String> {
+    if (direction.length_squared() - 1.0).abs() < 1e-12 {
+        return Ok(direction);
+    }
+    direction
+        .try_normalize()
+        .ok_or_else(|| "\"direction\" has no length".into())
+}
+
 fn map(map: &json::Map) -> UvMap {
     match map {
         json::Map::Uv { set, matrix } => UvMap::Uv {
@@ -197,6 +207,12 @@ fn map(map: &json::Map) -> UvMap {
             matrix: *matrix,
         },
         json::Map::Planar { matrix } => UvMap::Planar {
+            matrix: rows(matrix),
+        },
+        json::Map::Spherical { matrix } => UvMap::Spherical {
+            matrix: rows(matrix),
+        },
+        json::Map::Cylindrical { matrix } => UvMap::Cylindrical {
             matrix: rows(matrix),
         },
     }
@@ -589,6 +605,8 @@ impl Reader<'_, '_, '_> {
                 mapping,
                 transform,
                 hidden,
+                illuminance,
+                portal,
             } => Light::Environment {
                 transform: fixed(transform)?,
                 radiance: radiance.0,
@@ -600,6 +618,32 @@ impl Reader<'_, '_, '_> {
                     None => None,
                 },
                 hidden: *hidden,
+                illuminance: *illuminance,
+                portal: portal.map(|corners| corners.map(DVec3::from_array)),
+            },
+            json::Light::Goniometric {
+                intensity,
+                image,
+                power,
+                transform,
+            } => Light::Goniometric {
+                transform: fixed(transform)?,
+                intensity: intensity.0,
+                image: self.image(image, &format!("{pointer}/goniometric/image"))?,
+                power: *power,
+            },
+            json::Light::Projection {
+                intensity,
+                image,
+                fov,
+                power,
+                transform,
+            } => Light::Projection {
+                transform: fixed(transform)?,
+                intensity: intensity.0,
+                image: self.image(image, &format!("{pointer}/projection/image"))?,
+                fov: *fov,
+                power: *power,
             },
         })
     }

@@ -285,6 +285,42 @@ pub enum Light {
         /// Alpha 0 where it is seen directly.
         #[serde(default, skip_serializing_if = "no")]
         hidden: bool,
+        /// Scales the picture until a surface facing +Z receives this from it.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        illuminance: Option<f32>,
+        /// Corners of the only rectangle in the world that it comes in through.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        portal: Option<[[f64; 3]; 4]>,
+    },
+    /// A point whose intensity depends on the direction.
+    Goniometric {
+        /// Power per solid angle where the picture is 1.
+        #[serde(default = "white_color")]
+        intensity: Color,
+        /// The name of a square octahedral picture, or a path.
+        image: String,
+        /// Scales the picture until it sums to this over the sphere.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        power: Option<f32>,
+        /// Where.
+        #[serde(default, skip_serializing_if = "Placement::is_identity")]
+        transform: Placement,
+    },
+    /// A picture thrown along +Z.
+    Projection {
+        /// Power per solid angle where the picture is 1.
+        #[serde(default = "white_color")]
+        intensity: Color,
+        /// The name of a picture, or a path.
+        image: String,
+        /// Full angle over the shorter side, degrees.
+        fov: f64,
+        /// Scales the picture until its luminance sums to this over the solid angle it fills.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        power: Option<f32>,
+        /// Where.
+        #[serde(default, skip_serializing_if = "Placement::is_identity")]
+        transform: Placement,
     },
 }
 

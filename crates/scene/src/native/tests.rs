@@ -125,6 +125,46 @@ fn everything_survives_a_round_trip() {
             b: ColorTex::Texture(TextureId(1)),
             amount: FloatTex::Texture(TextureId(0), Channel::Mean),
         }),
+        t(Texture::Checkerboard3d {
+            matrix: glam::DAffine3::from_scale(DVec3::new(0.1, 1.0 / 3.0, 7.0)),
+            even: ColorTex::Const([0.1; 3]),
+            odd: ColorTex::Texture(TextureId(1)),
+        }),
+        t(Texture::Dots {
+            map: UvMap::Spherical {
+                matrix: glam::DAffine3::from_rotation_x(0.3),
+            },
+            inside: ColorTex::Const([third; 3]),
+            outside: ColorTex::Const([0.0; 3]),
+        }),
+        t(Texture::Noise {
+            matrix: glam::DAffine3::from_rotation_y(0.7),
+            pattern: NoisePattern::Marble {
+                octaves: 6,
+                roughness: third,
+                scale: 2.5,
+                variation: 0.1,
+            },
+        }),
+        t(Texture::Noise {
+            matrix: glam::DAffine3::IDENTITY,
+            pattern: NoisePattern::Windy,
+        }),
+        t(Texture::DirectionMix {
+            a: ColorTex::Const([1.0; 3]),
+            b: ColorTex::Texture(TextureId(0)),
+            direction: DVec3::new(1.0, 2.0, -3.0).normalize(),
+        }),
+        t(Texture::Grey {
+            value: FloatTex::Texture(TextureId(0), Channel::AlphaOrMean),
+        }),
+        t(Texture::Dots {
+            map: UvMap::Cylindrical {
+                matrix: glam::DAffine3::from_rotation_z(0.1),
+            },
+            inside: ColorTex::Const([third; 3]),
+            outside: ColorTex::Const([0.0; 3]),
+        }),
         t(Texture::Bilerp {
             map: UvMap::Planar {
                 matrix: glam::DAffine3::from_scale(DVec3::new(0.1, 1.0 / 3.0, 0.0)),

@@ -250,6 +250,12 @@ fn map(map: &UvMap) -> json::Map {
         UvMap::Planar { matrix } => json::Map::Planar {
             matrix: rows(matrix),
         },
+        UvMap::Spherical { matrix } => json::Map::Spherical {
+            matrix: rows(matrix),
+        },
+        UvMap::Cylindrical { matrix } => json::Map::Cylindrical {
+            matrix: rows(matrix),
+        },
     }
 }
 
@@ -416,12 +422,40 @@ impl Writer<'_> {
                 radiance,
                 image,
                 hidden,
+                illuminance,
+                portal,
             } => json::Light::Environment {
                 radiance: Color(*radiance),
                 image: image.map(|(id, _)| format!("i{}", id.0)),
                 mapping: image.map_or(SphereMapping::LatLong, |(_, mapping)| mapping),
                 transform: fixed(transform),
                 hidden: *hidden,
+                illuminance: *illuminance,
+                portal: portal.map(|corners| corners.map(|p| p.to_array())),
+            },
+            Light::Goniometric {
+                transform,
+                intensity,
+                image,
+                power,
+            } => json::Light::Goniometric {
+                intensity: Color(*intensity),
+                image: format!("i{}", image.0),
+                power: *power,
+                transform: fixed(transform),
+            },
+            Light::Projection {
+                transform,
+                intensity,
+                image,
+                fov,
+                power,
+            } => json::Light::Projection {
+                intensity: Color(*intensity),
+                image: format!("i{}", image.0),
+                fov: *fov,
+                power: *power,
+                transform: fixed(transform),
             },
         }
     }

@@ -1,9 +1,10 @@
 //! Textures and materials: references point backwards, numbers are in range.
 
 use super::Findings;
+use crate::limits::MAX_OCTAVES;
 use crate::model::{
-    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatOrColor, FloatTex, HairColor, Principled,
-    Roughness, SceneDesc, Texture, UvMap,
+    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatOrColor, FloatTex, HairColor, MipFilter,
+    NoisePattern, Principled, Roughness, SceneDesc, Texture, UvMap,
 };
 
 fn color(what: &str, value: ColorTex, limit: usize, found: &mut Findings) {
@@ -37,10 +38,32 @@ fn float(what: &str, value: FloatTex, limit: usize, found: &mut Findings) {
 fn map(what: &str, map: &UvMap, found: &mut Findings) {
     let finite = match map {
         UvMap::Uv { matrix, .. } => matrix.iter().all(|x| x.is_finite()),
-        UvMap::Planar { matrix } => matrix.is_finite(),
+        UvMap::Planar { matrix } | UvMap::Spherical { matrix } | UvMap::Cylindrical { matrix } => {
+            matrix.is_finite()
+        }
     };
     found.check(finite, || {
         format!("{what}: a mapping with numbers that are not finite")
+    });
+}
+
+fn noise(what: &str, pattern: &NoisePattern, found: &mut Findings) {
+    let (octaves, numbers) = match *pattern {
+        NoisePattern::Fbm { octaves, roughness }
+        | NoisePattern::Wrinkled { octaves, roughness } => (octaves, [roughness, 0.0, 0.0]),
+        NoisePattern::Windy => (0, [0.0; 3]),
+        NoisePattern::Marble {
+            octaves,
+            roughness,
+            scale,
+            variation,
+        } => (octaves, [roughness, scale, variation]),
+    };
+    found.check(octaves <= MAX_OCTAVES, || {
+        format!("{what}: {octaves} octaves of noise; the limit is {MAX_OCTAVES}")
+    });
+    found.check(numbers.iter().all(|x| x.is_finite()), || {
+        format!("{what}: numbers that are not finite")
     });
 }
 
@@ -56,9 +79,15 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
             Texture::Image {
                 image,
                 map: m,
+                mip,
                 scale,
                 ..
             } => {
+                if let Some(MipFilter::Ewa { max_anisotropy }) = mip {
+                    found.check((1.0..=1000.0).contains(max_anisotropy), || {
+                        format!("{what}: an anisotropy of {max_anisotropy}; 1 to 1000 are possible")
+                    });
+                }
                 found.check(image.index() < desc.images.len(), || {
                     format!("{what}: refers to no picture")
                 });
@@ -94,6 +123,39 @@ pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
             Texture::Threshold { value, at } => {
                 float(&what, *value, index, found);
                 found.check(at.is_finite(), || format!("{what}: a threshold of {at}"));
+            }
+            Texture::Checkerboard3d { matrix, even, odd } => {
+                map(&what, &UvMap::Planar { matrix: *matrix }, found);
+                color(&what, *even, index, found);
+                color(&what, *odd, index, found);
+            }
+            Texture::Dots {
+                map: m,
+                inside,
+                outside,
+            } => {
+                map(&what, m, found);
+                color(&what, *inside, index, found);
+                color(&what, *outside, index, found);
+            }
+            Texture::Noise { matrix, pattern } => {
+                map(&what, &UvMap::Planar { matrix: *matrix }, found);
+                noise(&what, pattern, found);
+            }
+            Texture::DirectionMix { a, b, direction } => {
+                color(&what, *a, index, found);
+                color(&what, *b, index, found);
+                found.check((0.999..1.001).contains(&direction.length()), || {
+                    format!("{what}: a direction that is not of unit length")
+                });
+            }
+            Texture::Grey { value } => float(&what, *value, index, found),
+            Texture::UnitMean { texture } => {
+                let picture = texture.index() < index
+                    && matches!(desc.textures[texture.index()], Texture::Image { .. });
+                found.check(picture, || {
+                    format!("{what}: the mean of something that is no picture before it")
+                });
             }
         }
     }

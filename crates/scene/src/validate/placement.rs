@@ -3,6 +3,7 @@
 use super::Findings;
 use crate::limits::{MAX_INSTANCE_DEPTH, MAX_PLACED_PRIMITIVES};
 use crate::model::{ColorTex, FloatTex, Instance, Light, Primitive, SceneDesc, Shape};
+use glam::DVec3;
 
 pub(super) fn check(desc: &SceneDesc, found: &mut Findings) {
     for (index, primitive) in desc.primitives.iter().enumerate() {
@@ -219,9 +220,15 @@ fn check_light(what: &str, light: &Light, desc: &SceneDesc, found: &mut Findings
             transform,
             radiance,
             image,
+            illuminance,
+            portal,
             ..
         } => {
             found.transform(what, transform);
+            level(what, "illuminance", *illuminance, found);
+            if let Some(corners) = portal {
+                check_portal(what, corners, found);
+            }
             if let Some((id, _)) = image {
                 found.check(id.index() < desc.images.len(), || {
                     format!("{what}: refers to no picture")
@@ -229,8 +236,60 @@ fn check_light(what: &str, light: &Light, desc: &SceneDesc, found: &mut Findings
             }
             radiance
         }
+        Light::Goniometric {
+            transform,
+            intensity,
+            image,
+            power,
+        } => {
+            found.transform(what, transform);
+            level(what, "power", *power, found);
+            found.check(image.index() < desc.images.len(), || {
+                format!("{what}: refers to no picture")
+            });
+            intensity
+        }
+        Light::Projection {
+            transform,
+            intensity,
+            image,
+            fov,
+            power,
+        } => {
+            found.transform(what, transform);
+            level(what, "power", *power, found);
+            found.check(image.index() < desc.images.len(), || {
+                format!("{what}: refers to no picture")
+            });
+            found.check(*fov > 0.0 && *fov < 180.0, || {
+                format!("{what}: a field of view of {fov} degrees")
+            });
+            intensity
+        }
     };
     found.check(color.iter().all(|c| *c >= 0.0 && c.is_finite()), || {
         format!("{what}: a brightness of {color:?}")
+    });
+}
+
+fn level(what: &str, name: &str, value: Option<f32>, found: &mut Findings) {
+    if let Some(value) = value {
+        found.check(value >= 0.0 && value.is_finite(), || {
+            format!("{what}: {name} of {value}")
+        });
+    }
+}
+
+/// A portal is a rectangle: its directions are tabulated along its two edges.
+fn check_portal(what: &str, corners: &[DVec3; 4], found: &mut Findings) {
+    let [p0, p1, p2, p3] = *corners;
+    let (a, b) = (p1 - p0, p3 - p0);
+    let size = a.length() * b.length();
+    let fine = size > 0.0
+        && size.is_finite()
+        && a.dot(b).abs() <= 1e-3 * size
+        && (p0 + a + b - p2).length() <= 1e-3 * (a.length() + b.length());
+    found.check(fine, || {
+        format!("{what}: a portal that is not a rectangle with its corners in order")
     });
 }

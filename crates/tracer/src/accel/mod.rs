@@ -110,10 +110,27 @@ impl Geometry {
                 let (_, from) = self.instances[hit.instance as usize].placement.at(ray.time);
                 (from.point(ray.origin), from.vector(ray.direction))
             };
-            point.uv[0] = shape.point(origin, direction, hit.t).uv;
+            let q = shape.point(origin, direction, hit.t);
+            point.uv = [q.uv; 2];
+            point.n = q.n;
         } else {
             let mesh = &self.meshes[surface.mesh as usize];
             point.fill(mesh, at.index, hit.u, hit.v);
+            if self.textures.directional {
+                let [a, b, c] = if mesh.keys.is_empty() {
+                    mesh.corners(at.index)
+                } else {
+                    mesh.corners_at(at.index, ray.time)
+                };
+                point.n = (b - a).cross(c - a);
+            }
+        }
+        if self.textures.directional {
+            if hit.instance != NONE {
+                let (_, from) = self.instances[hit.instance as usize].placement.at(ray.time);
+                point.n = from.transposed_vector(point.n);
+            }
+            point.n = crate::math::normalize(point.n);
         }
         point.p = ray.origin + ray.direction * hit.t;
         let alpha = self.textures.float(&alpha, &point);

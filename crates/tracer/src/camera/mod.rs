@@ -2,10 +2,12 @@
 
 pub mod filter;
 
+use crate::geometry::Interaction;
 use crate::geometry::transform::Placement;
 use crate::math;
 use crate::ray::Ray;
 use crate::sampling::{self, RegularPolygon};
+use crate::texture::Footprint;
 use glam::{Vec2, Vec3};
 use scene::model::{self, Aperture, FovAxis, Projection, ShutterCurve, SphereMapping};
 
@@ -34,6 +36,55 @@ struct Lens {
     polygon: Option<RegularPolygon>,
     squeeze: f32,
 }
+
+/// Share of a pixel that a texture is averaged over: the rest is done by samples, which lie all over the
+/// pixel filter. pbrt-v4 takes 1 / sqrt(spp) but not less than this; it cannot depend on the number of
+/// samples here, as a picture may be extended.
+const FOOTPRINT: f32 = 0.125;
+
+/// How much of a surface a pixel covers, as a cone from the eye: exact enough for what is seen
+/// directly, and for what is seen after bounces what it would be if it were seen directly (as pbrt-v4
+/// takes it): no path has to remember its width, and nothing is blurred that a mirror shows close up.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelView {
+    eye: Vec3,
+    /// Width per distance.
+    spread: f32,
+    /// Width anywhere.
+    width: f32,
+}
+
+impl PixelView {
+    /// Fills in the footprint of a point that a ray hit. The cone cuts the surface in an ellipse.
+    pub fn cover(&self, it: &mut Interaction, ray: &Ray) {
+        let radius = self.width + self.spread * math::length(it.p - self.eye);
+        let d = math::normalize(ray.direction);
+        let cos = d.dot(it.ng);
+        // A grazing view covers any length: cut it where filters stop following.
+        let cos = if cos.abs() < GRAZING {
+            GRAZING.copysign(cos)
+        } else {
+            cos
+        };
+        let (a, b) = math::coordinate_system(d);
+        let on_surface = |v: Vec3| (v - d * (v.dot(it.ng) / cos)) * radius;
+        let dp = [on_surface(a), on_surface(b)];
+        // Least squares: the offset of the texture coordinates that moves the point by dp.
+        let (u, v) = (it.dpdu, it.dpdv);
+        let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));
+        let det = uu * vv - uv * uv;
+        let duv = dp.map(|p| {
+            let (pu, pv) = (p.dot(u), p.dot(v));
+            let inv = 1.0 / det;
+            let at = Vec2::new((vv * pu - uv * pv) * inv, (uu * pv - uv * pu) * inv);
+            if at.is_finite() { at } else { Vec2::ZERO }
+        });
+        it.point.footprint = Footprint { dp, duv };
+    }
+}
+
+/// Smallest cosine that footprints grow by.
+const GRAZING: f32 = 0.02;
 
 impl Camera {
     /// `size` is the full picture in pixels, before any crop; `open_at` is added to the shutter's times.
@@ -143,9 +194,22 @@ impl Camera {
         Ray::new(to.point(o), math::normalize(to.vector(d)), time)
     }
 
-    /// Solid angle that a pixel covers at the centre of the picture, roughly; for ray footprints.
-    pub fn pixel_spread(&self, height: u32) -> f32 {
-        self.extent.y.abs() / height as f32
+    /// How large pixels are on what they show, for a picture of `size` pixels.
+    pub fn pixel_view(&self, size: [u32; 2]) -> PixelView {
+        let (to, _) = self.placement.at(self.shutter.0);
+        // A pixel at distance 1 along the longer of its sides (or in the scene, without perspective).
+        let side = |extent: f32, pixels: u32| extent.abs() / pixels as f32;
+        let pixel = side(self.extent.x, size[0]).max(side(self.extent.y, size[1]));
+        let (spread, width) = match self.kind {
+            Kind::Perspective => (pixel, 0.0),
+            Kind::Orthographic => (0.0, pixel),
+            Kind::Spherical(_) => (math::PI / size[1] as f32, 0.0),
+        };
+        PixelView {
+            eye: to.point(Vec3::ZERO),
+            spread: spread * FOOTPRINT,
+            width: width * FOOTPRINT,
+        }
     }
 }
 

@@ -128,6 +128,7 @@ impl Interaction {
             dpdv = to.vector(dpdv);
         }
         point.p = p;
+        point.n = ng;
         let light = if surface.first_light == NONE || hit.instance != NONE {
             NONE
         } else if surface.mesh == NONE {

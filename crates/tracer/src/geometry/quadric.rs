@@ -49,6 +49,15 @@ pub struct QuadricPoint {
     pub dpdv: Vec3,
 }
 
+/// Texture coordinates of the point of a sphere in a direction from its centre, in its own space.
+#[inline]
+pub(crate) fn sphere_uv(n: Vec3) -> Vec2 {
+    let phi = math::atan2(n.y, n.x);
+    let phi = if phi < 0.0 { phi + 2.0 * math::PI } else { phi };
+    let theta = math::acos((-n.z).clamp(-1.0, 1.0));
+    Vec2::new(phi * (0.5 / math::PI), theta / math::PI)
+}
+
 impl Quadric {
     /// Up to two parameters of intersection, rising; NaN or a negative number where there is none.
     #[inline(always)]
@@ -96,10 +105,7 @@ impl Quadric {
             QuadricKind::Sphere { radius } => {
                 let n = math::normalize(local);
                 let p = n * radius;
-                let phi = math::atan2(n.y, n.x);
-                let phi = if phi < 0.0 { phi + 2.0 * math::PI } else { phi };
-                let theta = math::acos((-n.z).clamp(-1.0, 1.0));
-                let uv = Vec2::new(phi * (0.5 / math::PI), theta / math::PI);
+                let uv = sphere_uv(n);
                 let dpdu = Vec3::new(-p.y, p.x, 0.0) * (2.0 * math::PI);
                 let r = math::safe_sqrt(n.x * n.x + n.y * n.y);
                 let (c, s) = if r > 0.0 {

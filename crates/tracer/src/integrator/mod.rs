@@ -204,10 +204,13 @@ pub(crate) fn from_infinity(scene: &Scene, ray: &Ray, pdf_bsdf: Option<f32>) -> 
         let Light::Environment(e) = &scene.lights.lights[index as usize] else {
             continue;
         };
-        let le = e.le(&scene.geometry.textures.images, ray.direction);
+        let le = e.le(&scene.geometry.textures.images, ray.origin, ray.direction);
         let weight = match pdf_bsdf {
             None => 1.0,
-            Some(pdf) => power_heuristic(pdf, scene.lights.pmf_infinite() * e.pdf(ray.direction)),
+            Some(pdf) => {
+                let pdf_light = scene.lights.pmf_infinite() * e.pdf(ray.origin, ray.direction);
+                power_heuristic(pdf, pdf_light)
+            }
         };
         sum += le * weight;
     }

@@ -264,10 +264,11 @@ fn from_infinity(scene: &Scene, ray: &Ray, carried: &Carried, by_lights: bool) -
         let Light::Environment(e) = &scene.lights.lights[index as usize] else {
             continue;
         };
-        let le = e.le(&scene.geometry.textures.images, ray.direction);
+        let le = e.le(&scene.geometry.textures.images, ray.origin, ray.direction);
         let mut density = carried.unidirectional;
         if by_lights {
-            density += carried.light * (scene.lights.pmf_infinite() * e.pdf(ray.direction));
+            density +=
+                carried.light * (scene.lights.pmf_infinite() * e.pdf(ray.origin, ray.direction));
         }
         sum += carried.beta * le * (1.0 / mean(density));
     }

@@ -5,6 +5,8 @@ use super::LightSample;
 use super::tree::LightBounds;
 use crate::accel::build::Bounds;
 use crate::geometry::Interaction;
+use crate::geometry::quadric::sphere_uv;
+use crate::geometry::transform::Affine;
 use crate::math::{self, Frame, Rgb};
 use crate::sampling;
 use crate::texture::{Point, Textures};
@@ -80,6 +82,8 @@ pub enum AreaShape {
         radius: f32,
         /// The inside is the outside.
         inward: bool,
+        /// World to its own space, where its texture coordinates matter.
+        local: Option<Box<Affine>>,
     },
     /// A disk with two half axes, maybe with a hole.
     Disk {
@@ -222,14 +226,34 @@ impl AreaLight {
                 } else {
                     Vec2::new(r, 0.0)
                 };
+                if let ColorTex::Texture(_) = emission.radiance {
+                    point.uv = [disk_uv(d, *hole); 2];
+                }
                 (*center + *a * d.x + *b * d.y, *n, 1.0 / area)
             }
             AreaShape::Sphere {
                 center,
                 radius,
                 inward,
+                local,
             } => {
-                return sphere_sample(*center, *radius, *inward, emission, textures, from, u);
+                let (wi, q, n, pdf) = sphere_sample(*center, *radius, *inward, from, u)?;
+                point.p = q;
+                point.n = n;
+                if let Some(local) = local {
+                    let own = math::normalize(local.vector(q - *center));
+                    point.uv = [sphere_uv(own); 2];
+                }
+                let li = emission.le(textures, &point, -n.dot(wi));
+                return (li != Rgb::ZERO && pdf > 0.0 && pdf < f32::INFINITY).then_some(
+                    LightSample {
+                        wi,
+                        target: Some(q),
+                        li,
+                        pdf,
+                        delta: false,
+                    },
+                );
             }
         };
         let d = q - from;
@@ -240,6 +264,7 @@ impl AreaLight {
         let wi = d * (1.0 / distance2.sqrt());
         let cos = -n.dot(wi);
         point.p = q;
+        point.n = n;
         let li = emission.le(textures, &point, cos);
         let pdf = pdf_area * distance2 / cos.abs();
         (li != Rgb::ZERO && pdf < f32::INFINITY).then_some(LightSample {
@@ -282,15 +307,22 @@ fn cone(center: Vec3, radius: f32, from: Vec3) -> Option<f32> {
     Some(one_minus_cos.max(CONE_MIN))
 }
 
+/// Texture coordinates of a point of a disk; `d` is in units of the radius.
+fn disk_uv(d: Vec2, hole: f32) -> Vec2 {
+    let phi = math::atan2(d.y, d.x);
+    let phi = if phi < 0.0 { phi + 2.0 * math::PI } else { phi };
+    let r = d.dot(d).sqrt();
+    Vec2::new(phi * (0.5 / math::PI), (1.0 - r) / (1.0 - hole))
+}
+
+/// Direction to a point of a sphere, the point, its normal, density per solid angle.
 fn sphere_sample(
     center: Vec3,
     radius: f32,
     inward: bool,
-    emission: &Emission,
-    textures: &Textures,
     from: Vec3,
     u: Vec2,
-) -> Option<LightSample> {
+) -> Option<(Vec3, Vec3, Vec3, f32)> {
     let to_center = center - from;
     let (wi, q, pdf) = match cone(center, radius, from) {
         Some(one_minus_cos) => {
@@ -324,21 +356,5 @@ fn sphere_sample(
         }
     };
     let n = math::normalize(q - center) * if inward { -1.0 } else { 1.0 };
-    let point = Point {
-        p: q,
-        ..Point::default()
-    };
-    if let ColorTex::Texture(_) = emission.radiance {
-        // Texture coordinates of a sphere are those of its own axes, which only the surface knows;
-        // textured spheres are not registered as lights (see `prepare`).
-        return None;
-    }
-    let li = emission.le(textures, &point, -n.dot(wi));
-    (li != Rgb::ZERO && pdf > 0.0 && pdf < f32::INFINITY).then_some(LightSample {
-        wi,
-        target: Some(q),
-        li,
-        pdf,
-        delta: false,
-    })
+    Some((wi, q, n, pdf))
 }

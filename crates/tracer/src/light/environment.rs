@@ -5,10 +5,11 @@
 //! covers what the other strategy does well anyway is wasted. A constant sky is not sampled at all.
 
 use super::octahedral;
+use super::portal::Portal;
 use crate::geometry::transform::Affine;
 use crate::math::{self, Rgb};
 use crate::sampling::Piecewise2d;
-use crate::texture::image::Image;
+use crate::texture::image::{self, Image};
 use glam::{Vec2, Vec3};
 use scene::model::{SphereMapping, Wrap};
 
@@ -20,6 +21,8 @@ pub struct Environment {
     /// Radiance, or factor on the picture.
     radiance: Rgb,
     picture: Option<Picture>,
+    /// The rectangle that it comes in through; none is everywhere.
+    portal: Option<Portal>,
     /// Alpha is 0 where it is seen directly.
     pub hidden: bool,
 }
@@ -40,11 +43,22 @@ impl Environment {
         image: Option<(usize, SphereMapping)>,
         images: &[Image],
         hidden: bool,
+        illuminance: Option<f32>,
+        portal: Option<&[glam::DVec3; 4]>,
     ) -> Environment {
         let linear = glam::DAffine3 {
             matrix3: transform.matrix3,
             translation: glam::DVec3::ZERO,
         };
+        let mut radiance = radiance;
+        if let (Some(wanted), Some((index, mapping))) = (illuminance, image) {
+            let has = received(&images[index], mapping);
+            radiance *= if has > 0.0 {
+                (f64::from(wanted) / has) as f32
+            } else {
+                0.0
+            };
+        }
         let picture = image.map(|(index, mapping)| {
             let picture = &images[index];
             let (w, h) = (picture.width as usize, picture.height as usize);
@@ -102,13 +116,21 @@ impl Environment {
                 mean,
             }
         });
-        Environment {
+        let mut environment = Environment {
             to_world: Affine::new(&linear),
             from_world: Affine::new(&linear.inverse()),
             radiance,
             picture,
+            portal: None,
             hidden,
-        }
+        };
+        environment.portal = portal.map(|corners| {
+            let side = image.map_or(1, |(index, _)| {
+                images[index].width.max(images[index].height)
+            });
+            Portal::new(corners, side, |w| environment.everywhere(images, w))
+        });
+        environment
     }
 
     /// Mean radiance over the sphere.
@@ -118,8 +140,17 @@ impl Environment {
             .map_or(self.radiance, |p| p.mean * self.radiance)
     }
 
-    /// Radiance from a direction.
-    pub fn le(&self, images: &[Image], direction: Vec3) -> Rgb {
+    /// Radiance that arrives at a point from a direction.
+    #[inline]
+    pub fn le(&self, images: &[Image], from: Vec3, direction: Vec3) -> Rgb {
+        match &self.portal {
+            Some(portal) if !portal.shows(from, direction) => Rgb::ZERO,
+            _ => self.everywhere(images, direction),
+        }
+    }
+
+    /// Radiance from a direction, portal or not.
+    fn everywhere(&self, images: &[Image], direction: Vec3) -> Rgb {
         let Some(picture) = &self.picture else {
             return self.radiance;
         };
@@ -130,13 +161,21 @@ impl Environment {
 
     /// Whether directions are drawn from it: not where it is the same all around.
     pub fn is_sampled(&self) -> bool {
-        self.picture
-            .as_ref()
-            .is_some_and(|p| p.distribution.is_some())
+        self.portal.is_some()
+            || self
+                .picture
+                .as_ref()
+                .is_some_and(|p| p.distribution.is_some())
     }
 
-    /// A direction, the radiance from there and its density per solid angle.
-    pub fn sample(&self, images: &[Image], u: Vec2) -> Option<(Vec3, Rgb, f32)> {
+    /// A direction that light may come from to a point, the radiance from there and its density per
+    /// solid angle.
+    #[inline]
+    pub fn sample(&self, images: &[Image], from: Vec3, u: Vec2) -> Option<(Vec3, Rgb, f32)> {
+        if let Some(portal) = &self.portal {
+            let (w, pdf) = portal.sample(from, u)?;
+            return Some((w, self.everywhere(images, w), pdf));
+        }
         let picture = self.picture.as_ref()?;
         let (uv, pdf) = picture.distribution.as_ref()?.sample(u);
         let (w, jacobian) = match picture.mapping {
@@ -160,7 +199,11 @@ impl Environment {
     }
 
     /// Density of [`Environment::sample`] per solid angle.
-    pub fn pdf(&self, direction: Vec3) -> f32 {
+    #[inline]
+    pub fn pdf(&self, from: Vec3, direction: Vec3) -> f32 {
+        if let Some(portal) = &self.portal {
+            return portal.pdf(from, direction);
+        }
         let Some(picture) = &self.picture else {
             return 0.0;
         };
@@ -211,4 +254,29 @@ fn look(image: &Image, mapping: SphereMapping, uv: Vec2) -> Rgb {
             false,
         )),
     }
+}
+
+/// Luminance that a surface facing +Z of light space receives, as pbrt-v4 sums it: each pixel counts
+/// with half of its solid angle.
+fn received(picture: &Image, mapping: SphereMapping) -> f64 {
+    let (w, h) = (picture.width as usize, picture.height as usize);
+    let mut sum = 0.0;
+    for y in 0..h {
+        for x in 0..w {
+            let uv = Vec2::new((x as f32 + 0.5) / w as f32, (y as f32 + 0.5) / h as f32);
+            let (cos, area) = match mapping {
+                SphereMapping::OctahedralEqualArea => (octahedral::to_sphere(uv).z as f64, 1.0),
+                SphereMapping::LatLong => {
+                    let theta = std::f64::consts::PI * uv.y as f64;
+                    let phi = std::f64::consts::TAU * (uv.x as f64 - 0.5);
+                    let sin = libm::sin(theta);
+                    (sin * libm::sin(phi), sin * std::f64::consts::FRAC_PI_2)
+                }
+            };
+            if cos > 0.0 {
+                sum += image::luminance(picture.texel(x, y)) * cos * area;
+            }
+        }
+    }
+    sum * std::f64::consts::TAU / (w * h) as f64
 }

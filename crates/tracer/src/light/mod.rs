@@ -4,9 +4,12 @@ mod area;
 pub(crate) mod cluster;
 pub mod environment;
 pub mod octahedral;
+mod pictured;
+mod portal;
 mod tree;
 
 pub use area::{AreaLight, AreaShape, Emission};
+pub use pictured::{Goniometric, Projection};
 
 use crate::accel::SimdLevel;
 use crate::geometry::Interaction;
@@ -41,6 +44,10 @@ pub enum Light {
         /// Shape of the edge.
         falloff: SpotFalloff,
     },
+    /// From a point, by a picture of all directions.
+    Goniometric(Goniometric),
+    /// From a point, a picture.
+    Projection(Projection),
     /// Parallel.
     Distant {
         /// Unit length, towards the light.
@@ -215,6 +222,12 @@ impl Light {
                     ..at(*p, *intensity)
                 })
             }
+            Light::Goniometric(g) => Some(at(g.p, g.strongest(&textures.images))),
+            Light::Projection(p) => Some(LightBounds {
+                axis: p.axis(),
+                cos_normals: p.cos_corner(),
+                ..at(p.p, p.strongest(&textures.images))
+            }),
             Light::Area(area) => Some(area.bounds(emissions, textures)),
             Light::Distant { .. } | Light::Environment(_) => None,
         }
@@ -254,8 +267,18 @@ impl Light {
                 pdf: 1.0,
                 delta: true,
             }),
+            Light::Goniometric(g) => {
+                let mut sample = point_sample(g.p, Rgb::ONE, from)?;
+                sample.li *= g.intensity(&textures.images, -sample.wi);
+                (sample.li != Rgb::ZERO).then_some(sample)
+            }
+            Light::Projection(p) => {
+                let mut sample = point_sample(p.p, Rgb::ONE, from)?;
+                sample.li *= p.intensity(&textures.images, -sample.wi);
+                (sample.li != Rgb::ZERO).then_some(sample)
+            }
             Light::Environment(e) => {
-                let (wi, li, pdf) = e.sample(&textures.images, u)?;
+                let (wi, li, pdf) = e.sample(&textures.images, from, u)?;
                 Some(LightSample {
                     wi,
                     target: None,

@@ -38,3 +38,14 @@ pub fn to_square(w: Vec3) -> Vec2 {
     };
     Vec2::new((u.copysign(w.x) + 1.0) * 0.5, (v.copysign(w.y) + 1.0) * 0.5)
 }
+
+/// The pixel of a `w` x `h` picture that stands for one outside of it: going over an edge comes back in
+/// over the same edge, turned by half a turn about its middle.
+pub fn pixel(x: i64, y: i64, w: i64, h: i64) -> (usize, usize) {
+    let (i, j) = (x.rem_euclid(w), y.rem_euclid(h));
+    if (x.div_euclid(w) + y.div_euclid(h)) & 1 == 0 {
+        (i as usize, j as usize)
+    } else {
+        ((w - 1 - i) as usize, (h - 1 - j) as usize)
+    }
+}

@@ -12,7 +12,7 @@ use glam::{Vec2, Vec3};
 
 /// Lights of the shining surfaces of the world, the light of each of their primitives, and the
 /// surfaces with `first_light` filled in. What shines inside a group, has holes, or is a sphere that
-/// is not round or not of one colour, is found by scattered rays alone.
+/// is not round, is found by scattered rays alone.
 pub fn areas(_desc: &SceneDesc, placed: &Placing) -> (Vec<Light>, Vec<u32>, Vec<Surface>) {
     let mut surfaces = placed.surfaces.clone();
     let mut lights = vec![];
@@ -58,19 +58,21 @@ fn quadric(
 ) -> u32 {
     let (shape, _) = &placed.world.quadrics[prim.index as usize];
     let sampled = match shape.kind {
-        QuadricKind::Sphere { .. } => match shape.as_round_sphere() {
-            Some((center, radius)) if plain => Some(AreaShape::Sphere {
-                center,
-                radius,
-                inward: surface.flip,
-            }),
-            _ => None,
-        },
+        QuadricKind::Sphere { .. } => {
+            shape
+                .as_round_sphere()
+                .map(|(center, radius)| AreaShape::Sphere {
+                    center,
+                    radius,
+                    inward: surface.flip,
+                    local: (!plain).then(|| Box::new(shape.from_parent)),
+                })
+        }
         QuadricKind::Disk {
             radius,
             inner,
             height,
-        } if plain => {
+        } => {
             let m = &shape.to_parent;
             let (a, b) = (m.m[0] * radius, m.m[1] * radius);
             let normal = shape.from_parent.transposed_vector(Vec3::Z);
@@ -87,7 +89,6 @@ fn quadric(
                 hole,
             })
         }
-        QuadricKind::Disk { .. } => None,
     };
     match sampled {
         None => NONE,

@@ -9,13 +9,13 @@ mod trees;
 use crate::accel::{Geometry, SimdLevel};
 use crate::camera::Camera;
 use crate::camera::filter::FilterSampler;
-use crate::light::{Light, Lights, environment::Environment};
+use crate::light::{Goniometric, Light, Lights, Projection, environment::Environment};
 use crate::material::Materials;
 use crate::math::{self, Rgb};
 use crate::medium::Media;
 use crate::scene::Scene;
 use crate::texture::Textures;
-use crate::texture::image::Image;
+use crate::texture::image::{Image, ImageLoader};
 use crate::{PrepareError, PrepareSettings, StopFlag};
 use ::scene::AssetSource;
 use ::scene::model::{self, SceneDesc};
@@ -53,23 +53,34 @@ fn compile(
     let film = &desc.film;
     let camera = Camera::new(&desc.camera, [film.width, film.height], open_at);
 
+    // A pyramid is only built for pictures that some texture looks up over an area.
+    let mut filtered = vec![false; desc.images.len()];
+    for texture in &desc.textures {
+        if let model::Texture::Image {
+            image,
+            mip: Some(_),
+            ..
+        } = texture
+        {
+            filtered[image.index()] = true;
+        }
+    }
+    let loader = ImageLoader::default();
     let images: Vec<Image> = desc
         .images
         .par_iter()
-        .map(|image| {
+        .zip(&filtered)
+        .map(|(image, filtered)| {
             if stop.is_stopped() {
                 Err(PrepareError::Stopped)
             } else {
-                Image::load(image, assets)
+                loader.load(image, *filtered, assets)
             }
         })
         .collect::<Result<_, _>>()?;
-    let textures = Textures {
-        nodes: desc.textures.clone(),
-        images,
-    };
+    let textures = Textures::new(desc.textures.clone(), images);
 
-    let materials = Materials::new(&desc.materials);
+    let materials = Materials::new(&desc.materials, &textures);
     check_media(desc)?;
     let media = Media::new(desc);
     let placed = trees::build(desc, camera.shutter, stop)?;
@@ -102,6 +113,7 @@ fn compile(
         lights,
         media,
         has_media,
+        view: camera.pixel_view([film.width, film.height]),
         camera,
         filter: FilterSampler::new(&film.filter),
         integrator: desc.integrator,
@@ -186,12 +198,42 @@ fn convert(light: &model::Light, images: &[Image]) -> Light {
             radiance,
             image,
             hidden,
+            illuminance,
+            portal,
         } => Light::Environment(Environment::new(
             transform,
             Rgb::from_array(*radiance),
             image.map(|(id, mapping)| (id.index(), mapping)),
             images,
             *hidden,
+            *illuminance,
+            portal.as_ref(),
+        )),
+        model::Light::Goniometric {
+            transform,
+            intensity,
+            image,
+            power,
+        } => Light::Goniometric(Goniometric::new(
+            transform,
+            Rgb::from_array(*intensity),
+            image.index(),
+            *power,
+            images,
+        )),
+        model::Light::Projection {
+            transform,
+            intensity,
+            image,
+            fov,
+            power,
+        } => Light::Projection(Projection::new(
+            transform,
+            Rgb::from_array(*intensity),
+            image.index(),
+            *fov,
+            *power,
+            images,
         )),
     }
 }

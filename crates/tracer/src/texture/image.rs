@@ -1,188 +1,256 @@
-//! Pictures: decoding and lookup.
+//! Pictures: how their pixels are kept, and lookup.
+//!
+//! Pixels stay as the file has them (8 or 16 bits with a table to linear, or floats) with as many
+//! channels as it has, and pictures with the same bytes share them.
 
-use super::wrapped;
+use super::decode::{self, Pixels, Raw};
+use super::mapping::pixel;
+use super::mip::Pyramid;
 use crate::PrepareError;
 use glam::Vec2;
-use image::{DynamicImage, ImageReader, Limits};
 use scene::AssetSource;
-use scene::model::{Encoding, ImageDesc, Wrap};
+use scene::model::{Encoding, ImageDesc, MipFilter, Wrap};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock};
 
-/// Longest side of a picture in pixels.
-const SIDE_MAX: u32 = 65_536;
-/// Most bytes that decoding one picture may take.
-const DECODE_BYTES_MAX: u64 = 2 << 30;
-
-/// A decoded picture, top row first.
+/// A picture ready for lookup, top row first.
+#[derive(Clone)]
 pub struct Image {
     /// Pixels.
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    texels: Texels,
+    raw: Arc<Raw>,
+    table: Table,
+    pyramid: Option<Arc<Pyramid>>,
 }
 
-enum Texels {
-    /// 8 bits through a table (alpha is always linear).
-    Bytes {
-        rgba: Vec<[u8; 4]>,
-        to_linear: Box<[f32; 256]>,
-    },
-    /// Linear numbers.
-    Floats(Vec<[f32; 4]>),
+/// From stored to linear.
+#[derive(Clone)]
+enum Table {
+    Bytes(Arc<[f32; 256]>),
+    /// One entry for each of 65,536 numbers.
+    Words(Arc<[f32]>),
+    /// The numbers are linear.
+    None,
+}
+
+/// Alpha of 8 bits; linear in every encoding.
+const BYTE: f32 = 1.0 / 255.0;
+/// Alpha of 16 bits.
+const WORD: f32 = 1.0 / 65_535.0;
+
+/// The four numbers of a pixel with `n` stored ones: grey is spread, missing alpha is opaque.
+#[inline(always)]
+fn spread<T: Copy>(
+    data: &[T],
+    at: usize,
+    n: usize,
+    color: impl Fn(T) -> f32,
+    alpha: impl Fn(T) -> f32,
+    opaque: f32,
+) -> [f32; 4] {
+    let t = &data[at * n..at * n + n];
+    match n {
+        1 => {
+            let v = color(t[0]);
+            [v, v, v, opaque]
+        }
+        2 => {
+            let v = color(t[0]);
+            [v, v, v, alpha(t[1])]
+        }
+        3 => [color(t[0]), color(t[1]), color(t[2]), opaque],
+        _ => [color(t[0]), color(t[1]), color(t[2]), alpha(t[3])],
+    }
 }
 
 impl Image {
     /// A stand-in that nobody overlooks.
     pub fn stand_in() -> Image {
-        let (on, off) = ([255, 0, 255, 255], [20, 20, 20, 255]);
-        let rgba = (0..64)
-            .map(|i| if (i % 8 + i / 8) % 2 == 0 { on } else { off })
-            .collect();
-        Image {
+        let (on, off) = ([255, 0, 255], [20, 20, 20]);
+        let squares = (0..64).map(|i| if (i % 8 + i / 8) % 2 == 0 { on } else { off });
+        let raw = Raw {
             width: 8,
             height: 8,
-            texels: Texels::Bytes {
-                rgba,
-                to_linear: table(Encoding::Srgb),
-            },
+            channels: 3,
+            pixels: Pixels::Bytes(squares.flatten().collect()),
+        };
+        Image::new(Arc::new(raw), Encoding::Srgb)
+    }
+
+    fn new(raw: Arc<Raw>, encoding: Encoding) -> Image {
+        let (raw, table) = match &raw.pixels {
+            Pixels::Bytes(_) => {
+                let apply = transfer(encoding, false);
+                let table = std::array::from_fn(|i| apply(i as f32 / 255.0));
+                (raw, Table::Bytes(Arc::new(table)))
+            }
+            Pixels::Words(_) => {
+                let apply = transfer(encoding, false);
+                let table = (0..=u16::MAX).map(|v| apply(v as f32 * WORD)).collect();
+                (raw, Table::Words(table))
+            }
+            Pixels::Floats(data) => {
+                if matches!(encoding, Encoding::Auto | Encoding::Linear) {
+                    (raw, Table::None)
+                } else {
+                    let apply = transfer(encoding, true);
+                    let n = raw.channels as usize;
+                    let color = |c: usize| n > 2 && c < 3 || c == 0;
+                    let data = data
+                        .iter()
+                        .enumerate()
+                        .map(|(i, v)| if color(i % n) { apply(*v) } else { *v })
+                        .collect();
+                    let pixels = Pixels::Floats(data);
+                    (Arc::new(Raw { pixels, ..*raw }), Table::None)
+                }
+            }
+        };
+        Image {
+            width: raw.width,
+            height: raw.height,
+            raw,
+            table,
+            pyramid: None,
         }
     }
 
-    /// Reads and decodes a picture.
-    pub fn load(desc: &ImageDesc, assets: &dyn AssetSource) -> Result<Image, PrepareError> {
-        if desc.missing {
-            return Ok(Image::stand_in());
-        }
-        let bytes = match &desc.bytes {
-            Some(inside) => inside.clone(),
-            None => assets.read(&desc.path)?,
-        };
-        decode(&desc.path, &bytes, desc.encoding).map_err(|reason| PrepareError::Decode {
-            path: desc.path.clone(),
-            reason,
-        })
+    /// Decodes a picture from memory; the ending of `name` decides only what its content leaves open.
+    pub fn decode(name: &str, bytes: &[u8], encoding: Encoding) -> Result<Image, String> {
+        Ok(Image::new(Arc::new(decode::decode(name, bytes)?), encoding))
+    }
+
+    /// Builds the pyramid that filtered lookups need.
+    pub(super) fn with_pyramid(mut self) -> Image {
+        self.pyramid = Some(Arc::new(Pyramid::new(&self)));
+        self
     }
 
     /// The texel at a pixel.
     #[inline]
     pub fn texel(&self, x: usize, y: usize) -> [f32; 4] {
-        let i = y * self.width as usize + x;
-        match &self.texels {
-            Texels::Bytes { rgba, to_linear } => {
-                let [r, g, b, a] = rgba[i];
-                let c = |v: u8| to_linear[v as usize];
-                [c(r), c(g), c(b), a as f32 * (1.0 / 255.0)]
-            }
-            Texels::Floats(rgba) => rgba[i],
+        self.at(y * self.width as usize + x)
+    }
+
+    #[inline(always)]
+    fn at(&self, i: usize) -> [f32; 4] {
+        let n = self.raw.channels as usize;
+        match (&self.raw.pixels, &self.table) {
+            (Pixels::Bytes(data), Table::Bytes(table)) => spread(
+                data,
+                i,
+                n,
+                |v| table[v as usize],
+                |a| a as f32 * BYTE,
+                255.0 * BYTE,
+            ),
+            (Pixels::Words(data), Table::Words(table)) => spread(
+                data,
+                i,
+                n,
+                |v| table[v as usize],
+                |a| a as f32 * WORD,
+                65_535.0 * WORD,
+            ),
+            (Pixels::Floats(data), _) => spread(data, i, n, |v| v, |a| a, 1.0),
+            // Tables are made for the pixels that they belong to.
+            _ => [0.0; 4],
         }
     }
 
     /// At texture coordinates: (0, 0) is the bottom left.
     pub fn lookup(&self, st: Vec2, wrap: (Wrap, Wrap), nearest: bool) -> [f32; 4] {
         let (w, h) = (self.width as i64, self.height as i64);
-        let get = |x: i64, y: i64| match (wrapped(x, w, wrap.0), wrapped(y, h, wrap.1)) {
-            (Some(x), Some(y)) => self.texel(x, y),
-            _ => [0.0; 4],
+        let get = |x: i64, y: i64| match pixel(x, y, w, h, wrap) {
+            Some((x, y)) => self.texel(x, y),
+            None => [0.0; 4],
         };
-        let (x, y) = (st.x * w as f32, (1.0 - st.y) * h as f32);
-        if !(x.abs() < 1e9 && y.abs() < 1e9) {
-            return get(0, 0);
-        }
         if nearest {
+            let (x, y) = (st.x * w as f32, (1.0 - st.y) * h as f32);
+            if !(x.abs() < 1e9 && y.abs() < 1e9) {
+                return get(0, 0);
+            }
             return get(x.floor() as i64, y.floor() as i64);
         }
-        let (x, y) = (x - 0.5, y - 0.5);
-        let (x0, y0) = (x.floor(), y.floor());
-        let (fx, fy) = (x - x0, y - y0);
-        let (x0, y0) = (x0 as i64, y0 as i64);
-        let (a, b, c, d) = (
-            get(x0, y0),
-            get(x0 + 1, y0),
-            get(x0, y0 + 1),
-            get(x0 + 1, y0 + 1),
-        );
-        std::array::from_fn(|i| {
-            (a[i] * (1.0 - fx) + b[i] * fx) * (1.0 - fy) + (c[i] * (1.0 - fx) + d[i] * fx) * fy
-        })
+        bilinear(st, w, h, get)
     }
 
-    /// Memory held.
-    pub fn memory_bytes(&self) -> usize {
-        match &self.texels {
-            Texels::Bytes { rgba, .. } => rgba.len() * 4,
-            Texels::Floats(rgba) => rgba.len() * 16,
+    /// At texture coordinates, over the ellipse that two offsets span.
+    pub fn filtered(
+        &self,
+        st: Vec2,
+        axes: [Vec2; 2],
+        wrap: (Wrap, Wrap),
+        filter: MipFilter,
+    ) -> [f32; 4] {
+        match &self.pyramid {
+            Some(pyramid) => pyramid.lookup(self, st, axes, wrap, filter),
+            None => self.lookup(st, wrap, false),
         }
+    }
+
+    /// Whether all of its numbers lie in [0, 1], as those of 8- and 16-bit files do.
+    pub(super) fn is_unit(&self) -> bool {
+        !matches!(self.raw.pixels, Pixels::Floats(_))
+    }
+
+    /// Whether no pixel is transparent.
+    pub fn is_opaque(&self) -> bool {
+        let n = self.raw.channels as usize;
+        if n != 2 && n != 4 {
+            return true;
+        }
+        match &self.raw.pixels {
+            Pixels::Bytes(data) => data.iter().skip(n - 1).step_by(n).all(|a| *a == u8::MAX),
+            Pixels::Words(data) => data.iter().skip(n - 1).step_by(n).all(|a| *a == u16::MAX),
+            Pixels::Floats(data) => data.iter().skip(n - 1).step_by(n).all(|a| *a == 1.0),
+        }
+    }
+
+    /// Mean over all pixels of the luminance of linear Rec. 709.
+    pub fn mean_luminance(&self) -> f64 {
+        let count = self.width as usize * self.height as usize;
+        let sum: f64 = (0..count).map(|i| luminance(self.at(i))).sum();
+        sum / count as f64
+    }
+
+    /// Pieces of memory held: an address that tells them apart, and their size.
+    pub(super) fn parts(&self) -> Vec<(usize, usize)> {
+        let mut parts = vec![(Arc::as_ptr(&self.raw) as usize, self.raw.memory_bytes())];
+        if let Some(pyramid) = &self.pyramid {
+            parts.push((Arc::as_ptr(pyramid) as usize, pyramid.memory_bytes()));
+        }
+        parts
     }
 }
 
-fn decode(path: &str, bytes: &[u8], encoding: Encoding) -> Result<Image, String> {
-    let lower = path.to_ascii_lowercase();
-    if lower.ends_with(".pfm") {
-        return decode_pfm(bytes);
+/// Luminance of a texel.
+pub(crate) fn luminance(t: [f32; 4]) -> f64 {
+    let [r, g, b] = [t[0] as f64, t[1] as f64, t[2] as f64];
+    0.2126 * r + 0.7152 * g + 0.0722 * b
+}
+
+/// Between the four texels about a place; (0, 0) is the bottom left.
+#[inline(always)]
+pub(super) fn bilinear(st: Vec2, w: i64, h: i64, get: impl Fn(i64, i64) -> [f32; 4]) -> [f32; 4] {
+    let (x, y) = (st.x * w as f32, (1.0 - st.y) * h as f32);
+    if !(x.abs() < 1e9 && y.abs() < 1e9) {
+        return get(0, 0);
     }
-    let mut reader = ImageReader::new(std::io::Cursor::new(bytes));
-    // TGA has no magic number, so the name decides where it can.
-    match image::ImageFormat::from_path(path) {
-        Ok(format) => reader.set_format(format),
-        Err(_) => {
-            reader = reader.with_guessed_format().map_err(|e| e.to_string())?;
-        }
-    }
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(SIDE_MAX);
-    limits.max_image_height = Some(SIDE_MAX);
-    limits.max_alloc = Some(DECODE_BYTES_MAX);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(|e| e.to_string())?;
-    let (width, height) = (picture.width(), picture.height());
-    if width == 0 || height == 0 {
-        return Err("the picture has no pixels".into());
-    }
-    let texels = match picture {
-        DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => {
-            let apply = transfer(encoding, true);
-            let rgba = picture.into_rgba32f();
-            Texels::Floats(
-                rgba.pixels()
-                    .map(|p| [apply(p.0[0]), apply(p.0[1]), apply(p.0[2]), p.0[3]])
-                    .collect(),
-            )
-        }
-        DynamicImage::ImageLuma16(_)
-        | DynamicImage::ImageLumaA16(_)
-        | DynamicImage::ImageRgb16(_)
-        | DynamicImage::ImageRgba16(_) => {
-            let apply = transfer(encoding, false);
-            let unit = |v: u16| v as f32 * (1.0 / 65_535.0);
-            let rgba = picture.into_rgba16();
-            Texels::Floats(
-                rgba.pixels()
-                    .map(|p| {
-                        [
-                            apply(unit(p.0[0])),
-                            apply(unit(p.0[1])),
-                            apply(unit(p.0[2])),
-                            unit(p.0[3]),
-                        ]
-                    })
-                    .collect(),
-            )
-        }
-        _ => Texels::Bytes {
-            rgba: picture.into_rgba8().pixels().map(|p| p.0).collect(),
-            to_linear: table(encoding),
-        },
-    };
-    if let Texels::Floats(rgba) = &texels
-        && let Some(i) = rgba.iter().position(|t| t.iter().any(|x| !x.is_finite()))
-    {
-        let (x, y) = (i as u32 % width, i as u32 / width);
-        return Err(format!("the pixel at column {x}, row {y} is not finite"));
-    }
-    Ok(Image {
-        width,
-        height,
-        texels,
+    let (x, y) = (x - 0.5, y - 0.5);
+    let (x0, y0) = (x.floor(), y.floor());
+    let (fx, fy) = (x - x0, y - y0);
+    let (x0, y0) = (x0 as i64, y0 as i64);
+    let (a, b, c, d) = (
+        get(x0, y0),
+        get(x0 + 1, y0),
+        get(x0, y0 + 1),
+        get(x0 + 1, y0 + 1),
+    );
+    std::array::from_fn(|i| {
+        (a[i] * (1.0 - fx) + b[i] * fx) * (1.0 - fy) + (c[i] * (1.0 - fx) + d[i] * fx) * fy
     })
 }
 
@@ -196,11 +264,6 @@ fn transfer(encoding: Encoding, float: bool) -> impl Fn(f32) -> f32 {
     }
 }
 
-fn table(encoding: Encoding) -> Box<[f32; 256]> {
-    let apply = transfer(encoding, false);
-    Box::new(std::array::from_fn(|i| apply(i as f32 / 255.0)))
-}
-
 /// sRGB transfer function [IEC 61966-2-1].
 fn from_srgb(x: f32) -> f32 {
     let x = x as f64;
@@ -212,85 +275,66 @@ fn from_srgb(x: f32) -> f32 {
     y as f32
 }
 
-/// Portable float map: `PF` or `Pf`, size, scale (negative: little endian), rows from the bottom up.
-fn decode_pfm(bytes: &[u8]) -> Result<Image, String> {
-    let mut at = 0;
-    let mut word = || -> Result<&str, String> {
-        let start = at
-            + bytes[at.min(bytes.len())..]
-                .iter()
-                .take_while(|b| b.is_ascii_whitespace())
-                .count();
-        let end = start
-            + bytes[start..]
-                .iter()
-                .take(32)
-                .take_while(|b| !b.is_ascii_whitespace())
-                .count();
-        at = end + 1;
-        std::str::from_utf8(&bytes[start..end]).map_err(|_| "the header is not text".to_string())
-    };
-    let channels = match word()? {
-        "PF" => 3,
-        "Pf" => 1,
-        other => return Err(format!("'{other}' is not the mark of a PFM picture")),
-    };
-    let size = |text: &str| {
-        text.parse::<u32>()
-            .map_err(|_| format!("'{text}' is not a size"))
-    };
-    let (width, height) = (size(word()?)?, size(word()?)?);
-    let scale_text = word()?.to_string();
-    let scale: f32 = scale_text
-        .parse()
-        .map_err(|_| format!("'{scale_text}' is not a scale"))?;
-    if width == 0 || height == 0 || width > SIDE_MAX || height > SIDE_MAX {
-        return Err(format!(
-            "{width} x {height} pixels; a side must have 1 to {SIDE_MAX}"
-        ));
-    }
-    let count = width as usize * height as usize * channels;
-    let data = bytes.get(at..).unwrap_or(&[]);
-    if data.len() < count * 4 {
-        return Err(format!(
-            "{} bytes of pixels where the header promises {}",
-            data.len(),
-            count * 4
-        ));
-    }
-    let value = |i: usize| {
-        let b = [
-            data[4 * i],
-            data[4 * i + 1],
-            data[4 * i + 2],
-            data[4 * i + 3],
-        ];
-        if scale < 0.0 {
-            f32::from_le_bytes(b)
-        } else {
-            f32::from_be_bytes(b)
+/// A result that whoever comes first works out and all others wait for.
+type Once<T> = Arc<OnceLock<Result<T, String>>>;
+
+/// Content, encoding, and whether there is a pyramid.
+type FinishedKey = ([u8; 32], u64, bool);
+
+/// Pictures of a scene on their way in: what is decoded already, by content.
+#[derive(Default)]
+pub struct ImageLoader {
+    decoded: Mutex<BTreeMap<[u8; 32], Once<Arc<Raw>>>>,
+    finished: Mutex<BTreeMap<FinishedKey, Once<Image>>>,
+}
+
+impl ImageLoader {
+    /// Reads a picture, and decodes it unless another with the same bytes was decoded before.
+    /// `filtered` asks for a pyramid. May be called from several threads.
+    pub fn load(
+        &self,
+        desc: &ImageDesc,
+        filtered: bool,
+        assets: &dyn AssetSource,
+    ) -> Result<Image, PrepareError> {
+        if desc.missing {
+            return Ok(Image::stand_in());
         }
-    };
-    let mut rgba = Vec::with_capacity(width as usize * height as usize);
-    for y in (0..height as usize).rev() {
-        for x in 0..width as usize {
-            let i = (y * width as usize + x) * channels;
-            let texel = if channels == 3 {
-                [value(i), value(i + 1), value(i + 2), 1.0]
+        let bytes = match &desc.bytes {
+            Some(inside) => inside.clone(),
+            None => assets.read(&desc.path)?,
+        };
+        // The name matters to the decoder only where the content has no mark of its own.
+        let mut hash = blake3::Hasher::new();
+        hash.update(&bytes);
+        hash.update(decode::ending(&desc.path).as_bytes());
+        let key = *hash.finalize().as_bytes();
+        let encoding = match desc.encoding {
+            Encoding::Auto => 0,
+            Encoding::Srgb => 1,
+            Encoding::Linear => 2,
+            Encoding::GammaMicros(micros) => 3 + u64::from(micros),
+        };
+        let finished = slot(&self.finished, (key, encoding, filtered));
+        let result = finished.get_or_init(|| {
+            let decoded = slot(&self.decoded, key);
+            let raw = decoded.get_or_init(|| decode::decode(&desc.path, &bytes).map(Arc::new));
+            let image = Image::new(raw.clone()?, desc.encoding);
+            Ok(if filtered {
+                image.with_pyramid()
             } else {
-                [value(i), value(i), value(i), 1.0]
-            };
-            if texel.iter().any(|v| !v.is_finite()) {
-                return Err(format!(
-                    "the pixel at column {x}, row {y} from below is not finite"
-                ));
-            }
-            rgba.push(texel);
-        }
+                image
+            })
+        });
+        result.clone().map_err(|reason| PrepareError::Decode {
+            path: desc.path.clone(),
+            reason,
+        })
     }
-    Ok(Image {
-        width,
-        height,
-        texels: Texels::Floats(rgba),
-    })
+}
+
+/// The slot of a key, made if it is new.
+fn slot<K: Ord, T>(map: &Mutex<BTreeMap<K, Once<T>>>, key: K) -> Once<T> {
+    let mut map = map.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    map.entry(key).or_default().clone()
 }

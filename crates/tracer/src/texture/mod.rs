@@ -1,12 +1,17 @@
 //! Textures: functions from a point on a surface to four numbers.
 
+mod decode;
 pub mod image;
+mod mapping;
+mod mip;
+mod pattern;
 
 use crate::geometry::TriMesh;
 use crate::math::Rgb;
 use glam::{DVec3, Vec2, Vec3};
 use image::Image;
-use scene::model::{Channel, ColorTex, FloatOrColor, FloatTex, Texture, UvMap, Wrap};
+use mapping::locate;
+use scene::model::{Channel, ColorTex, FloatOrColor, FloatTex, Texture};
 
 /// What textures may depend on.
 #[derive(Clone, Copy, Debug)]
@@ -15,8 +20,22 @@ pub struct Point {
     pub uv: [Vec2; 2],
     /// World position.
     pub p: Vec3,
+    /// Geometric normal in the world, unit length.
+    pub n: Vec3,
     /// Vertex colour.
     pub color: [f32; 4],
+    /// What the pixel covers here.
+    pub footprint: Footprint,
+}
+
+/// Where the point would be if the ray had gone through a place nearby in the picture: two offsets
+/// that span an ellipse. Zero where nobody needs them; then pictures are read as they are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Footprint {
+    /// Offsets of the position, world space.
+    pub dp: [Vec3; 2],
+    /// Offsets of the texture coordinates of the first set.
+    pub duv: [Vec2; 2],
 }
 
 impl Default for Point {
@@ -24,7 +43,9 @@ impl Default for Point {
         Point {
             uv: [Vec2::ZERO; 2],
             p: Vec3::ZERO,
+            n: Vec3::Z,
             color: [1.0; 4],
+            footprint: Footprint::default(),
         }
     }
 }
@@ -49,6 +70,14 @@ impl Point {
             self.color = std::array::from_fn(|i| a[i] * w + b[i] * u + c[i] * v);
         }
     }
+
+    /// The point moved by one of the two offsets of the footprint.
+    fn moved(&self, axis: usize) -> Point {
+        let mut moved = *self;
+        moved.p += self.footprint.dp[axis];
+        moved.uv = self.uv.map(|uv| uv + self.footprint.duv[axis]);
+        moved
+    }
 }
 
 /// All textures and pictures of a scene.
@@ -58,9 +87,66 @@ pub struct Textures {
     pub nodes: Vec<Texture>,
     /// Decoded pictures.
     pub images: Vec<Image>,
+    /// What is known of each node beforehand.
+    facts: Vec<Facts>,
+    /// Some node asks for the normal.
+    pub(crate) directional: bool,
+}
+
+/// What is known of a node of [`Textures`] beforehand.
+#[derive(Clone, Copy, Debug)]
+struct Facts {
+    /// A picture without a transparent pixel.
+    opaque: bool,
+    /// The node asks for footprints.
+    footprint: bool,
+    /// Factor of [`Texture::UnitMean`].
+    factor: f32,
 }
 
 impl Textures {
+    /// Works out what is needed beforehand. `nodes` refer to `images` that are there, and to nodes
+    /// before them.
+    pub fn new(nodes: Vec<Texture>, images: Vec<Image>) -> Textures {
+        let mut facts: Vec<Facts> = Vec::with_capacity(nodes.len());
+        for node in &nodes {
+            let footprint = matches!(node, Texture::Image { mip: Some(_), .. });
+            let opaque = match node {
+                Texture::Image { image, .. } => images[image.index()].is_opaque(),
+                _ => false,
+            };
+            let factor = match node {
+                Texture::UnitMean { texture } => match &nodes[texture.index()] {
+                    Texture::Image { image, .. } => {
+                        let mean = images[image.index()].mean_luminance();
+                        if mean > 0.0 { (1.0 / mean) as f32 } else { 0.0 }
+                    }
+                    _ => 1.0,
+                },
+                _ => 1.0,
+            };
+            facts.push(Facts {
+                opaque,
+                footprint,
+                factor,
+            });
+        }
+        let directional = nodes
+            .iter()
+            .any(|node| matches!(node, Texture::DirectionMix { .. }));
+        Textures {
+            nodes,
+            images,
+            facts,
+            directional,
+        }
+    }
+
+    /// Whether some texture makes use of footprints.
+    pub fn any_footprint(&self) -> bool {
+        self.facts.iter().any(|f| f.footprint)
+    }
+
     /// Four numbers at a point.
     pub fn eval(&self, index: usize, at: &Point) -> [f32; 4] {
         match &self.nodes[index] {
@@ -70,11 +156,19 @@ impl Textures {
                 map,
                 wrap,
                 nearest,
+                mip,
                 invert,
                 scale,
             } => {
                 let st = locate(map, at);
-                let mut texel = self.images[image.index()].lookup(st, *wrap, *nearest);
+                let image = &self.images[image.index()];
+                let mut texel = match mip {
+                    Some(filter) if at.footprint != Footprint::default() => {
+                        let axes = [0, 1].map(|i| mapping::offset(map, st, &at.moved(i)));
+                        image.filtered(st, axes, *wrap, *filter)
+                    }
+                    _ => image.lookup(st, *wrap, *nearest),
+                };
                 for c in 0..4 {
                     if *invert && c < 3 {
                         texel[c] = (1.0 - texel[c]).max(0.0);
@@ -98,8 +192,7 @@ impl Textures {
             }
             Texture::Mix { a, b, amount } => {
                 let t = self.float(amount, at);
-                let (a, b) = (self.rgba(a, at), self.rgba(b, at));
-                std::array::from_fn(|i| a[i] * (1.0 - t) + b[i] * t)
+                self.mixed(a, b, t, at)
             }
             Texture::Bilerp { map, corners } => {
                 let st = locate(map, at);
@@ -110,9 +203,49 @@ impl Textures {
             }
             Texture::VertexColor => at.color,
             Texture::Threshold { value, at: bound } => {
-                [if self.float(value, at) >= *bound { 1.0 } else { 0.0 }; 4]
+                [if self.float(value, at) >= *bound {
+                    1.0
+                } else {
+                    0.0
+                }; 4]
+            }
+            Texture::Checkerboard3d { matrix, even, odd } => {
+                let p = matrix.transform_point3(wide(at.p));
+                let cell = (p.x.floor() as i64)
+                    .wrapping_add(p.y.floor() as i64)
+                    .wrapping_add(p.z.floor() as i64);
+                self.rgba(if cell & 1 == 0 { even } else { odd }, at)
+            }
+            Texture::Dots {
+                map,
+                inside,
+                outside,
+            } => {
+                let on = pattern::on_dot(locate(map, at));
+                self.rgba(if on { inside } else { outside }, at)
+            }
+            Texture::Noise { matrix, pattern } => {
+                pattern::noise(pattern, matrix.transform_point3(wide(at.p)))
+            }
+            Texture::DirectionMix { a, b, direction } => {
+                let facing = wide(at.n).dot(*direction).abs().min(1.0) as f32;
+                self.mixed(b, a, facing, at)
+            }
+            Texture::Grey { value } => {
+                let v = self.float(value, at);
+                [v, v, v, 1.0]
+            }
+            Texture::UnitMean { texture } => {
+                let factor = self.facts[index].factor;
+                let [r, g, b, a] = self.eval(texture.index(), at);
+                [r * factor, g * factor, b * factor, a]
             }
         }
+    }
+
+    fn mixed(&self, a: &ColorTex, b: &ColorTex, t: f32, at: &Point) -> [f32; 4] {
+        let (a, b) = (self.rgba(a, at), self.rgba(b, at));
+        std::array::from_fn(|i| a[i] * (1.0 - t) + b[i] * t)
     }
 
     fn rgba(&self, tex: &ColorTex, at: &Point) -> [f32; 4] {
@@ -146,54 +279,33 @@ impl Textures {
                     Channel::G => g,
                     Channel::B => b,
                     Channel::A => a,
-                    Channel::Mean => (r + g + b) * (1.0 / 3.0),
+                    Channel::AlphaOrMean if !self.facts[id.index()].opaque => a,
+                    Channel::Mean | Channel::AlphaOrMean => (r + g + b) * (1.0 / 3.0),
                 }
             }
         }
     }
 
-    /// Memory held by the pictures.
+    /// Memory held by the pictures, those that share their pixels counted once.
     pub fn memory_bytes(&self) -> usize {
-        self.images.iter().map(Image::memory_bytes).sum()
-    }
-}
-
-/// Texture coordinates at a point.
-#[inline]
-fn locate(map: &UvMap, at: &Point) -> Vec2 {
-    match map {
-        UvMap::Uv { set, matrix: m } => {
-            let uv = at.uv[(*set as usize).min(1)];
-            let (u, v) = (uv.x as f64, uv.y as f64);
-            Vec2::new(
-                (m[0] * u + m[1] * v + m[2]) as f32,
-                (m[3] * u + m[4] * v + m[5]) as f32,
-            )
-        }
-        UvMap::Planar { matrix } => {
-            let p =
-                matrix.transform_point3(DVec3::new(at.p.x as f64, at.p.y as f64, at.p.z as f64));
-            Vec2::new(p.x as f32, p.y as f32)
-        }
-    }
-}
-
-/// A pixel index with something done about indices outside.
-#[inline]
-pub(crate) fn wrapped(i: i64, size: i64, wrap: Wrap) -> Option<usize> {
-    let j = match wrap {
-        Wrap::Repeat => i.rem_euclid(size),
-        Wrap::Clamp => i.clamp(0, size - 1),
-        Wrap::Mirror => {
-            let k = i.rem_euclid(2 * size);
-            if k < size { k } else { 2 * size - 1 - k }
-        }
-        Wrap::Black => {
-            if i < 0 || i >= size {
-                return None;
+        let mut seen: Vec<usize> = vec![];
+        let mut sum = 0;
+        for image in &self.images {
+            for (key, bytes) in image.parts() {
+                if !seen.contains(&key) {
+                    seen.push(key);
+                    sum += bytes;
+                }
             }
-            i
         }
-    };
-    Some(j as usize)
+        sum
+    }
 }
+
+/// In double precision.
+fn wide(p: Vec3) -> DVec3 {
+    DVec3::new(p.x as f64, p.y as f64, p.z as f64)
+}
+
+#[cfg(test)]
+mod tests;

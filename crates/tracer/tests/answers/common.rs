@@ -136,6 +136,8 @@ pub fn sky(radiance: f32) -> Light {
         radiance: [radiance; 3],
         image: None,
         hidden: false,
+        illuminance: None,
+        portal: None,
     }
 }
 

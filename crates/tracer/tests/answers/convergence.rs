@@ -117,6 +117,7 @@ fn on_a_zone_plate() {
         map: UvMap::default(),
         wrap: (Wrap::Clamp, Wrap::Clamp),
         nearest: false,
+        mip: None,
         invert: false,
         scale: [1.0; 4],
     });

@@ -22,5 +22,6 @@ mod lights;
 mod media;
 mod motion;
 mod penumbra;
+mod pictured_lights;
 mod references;
 mod robustness;

@@ -96,6 +96,7 @@ impl<'j> Gltf<'_, '_, 'j> {
             return Ok(None);
         };
         self.node(Texture::Image {
+            mip: None,
             image,
             map: UvMap::Uv {
                 set,

@@ -249,6 +249,7 @@ impl Entry {
                     ],
                 },
                 wrap: (wrap, wrap),
+                mip: None,
                 nearest: false,
                 invert: false,
                 scale,

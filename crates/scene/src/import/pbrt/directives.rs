@@ -1,6 +1,7 @@
 //! The directives of a file, one after the other.
 
 use super::lexer::{LexError, Lexer, Token};
+use super::media::Sides;
 use super::params::Params;
 use super::spectra::ColorSpace;
 use super::{
@@ -16,7 +17,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 /// For suggestions.
-const DIRECTIVES: [&str; 41] = [
+pub(super) const DIRECTIVES: [&str; 41] = [
     "Accelerator",
     "ActiveTransform",
     "AreaLightSource",
@@ -386,11 +387,12 @@ impl Importer<'_, '_> {
                 }
             }
             "MediumInterface" => {
-                source.text(word)?;
-                if source.text_follows()? {
-                    source.text(word)?;
-                }
-                self.warn_once(&place, "media are not supported yet: what is inside them is rendered as if they were clear");
+                let inside: Arc<str> = source.text(word)?.into();
+                let outside = match source.text_follows()? {
+                    true => source.text(word)?.into(),
+                    false => inside.clone(),
+                };
+                self.graphics.sides = Sides { inside, outside };
             }
             "Accelerator" | "Film" | "Camera" | "PixelFilter" | "Sampler" | "Integrator" => {
                 let kind = source.text(word)?;
@@ -426,9 +428,16 @@ impl Importer<'_, '_> {
                 }
             }
             "MakeNamedMedium" => {
-                source.text(word)?;
-                self.params(source, &place)?;
-                self.warn_once(&place, "media are not supported yet: what is inside them is rendered as if they were clear");
+                let name = source.text(word)?;
+                let mut params = self.params(source, &place)?;
+                self.cx.charge(&place, KEPT_BYTES)?;
+                params.add_attributes(&self.graphics.attributes[3]);
+                let result = if name.is_empty() {
+                    params.fail("a medium with an empty name, which stands for vacuum")
+                } else {
+                    self.define_medium(name, &params)
+                };
+                self.cx.keep(result);
             }
             "Texture" => {
                 let (name, kind, class) =
@@ -465,7 +474,6 @@ impl Importer<'_, '_> {
                         format!("unknown area light {kind:?}{hint}"),
                     ));
                 } else if self.only(&place, word, true) {
-                    params.ignore(&["samples", "nsamples"]);
                     let result = self.check_area_light(&params);
                     if self.cx.keep(result).is_some() {
                         self.warn_unused(&params, "the area light");
@@ -543,7 +551,8 @@ impl Importer<'_, '_> {
                 // From now on "camera" names the space of the camera.
                 self.coordinates
                     .insert("camera".into(), self.graphics.ctm.map(|m| m.inverse()));
-                self.settings.camera = Some((setting, self.graphics.ctm));
+                let around = self.graphics.sides.outside.clone();
+                self.settings.camera = Some((setting, self.graphics.ctm, around));
                 return;
             }
             "Film" => &mut self.settings.film,

@@ -1,7 +1,8 @@
 //! What stands before `WorldBegin`: camera, film, filter, sampler, integrator.
 
-use super::params::Params;
-use super::{Frame, Importer, Setting, legacy, matrix};
+use super::params::{Kind, Params};
+use super::{Frame, Importer, Setting, legacy, lens, matrix};
+use crate::color;
 use crate::context::Issue;
 use crate::diagnostic::Place;
 use crate::limits::{MAX_DEPTH, MAX_SPP};
@@ -11,10 +12,10 @@ use crate::model::{
 };
 use glam::{DAffine3, DMat3, DMat4, DVec3};
 
-const CAMERAS: [&str; 4] = ["perspective", "orthographic", "spherical", "realistic"];
-const FILMS: [&str; 3] = ["rgb", "gbuffer", "spectral"];
-const FILTERS: [&str; 5] = ["box", "gaussian", "mitchell", "sinc", "triangle"];
-const SAMPLERS: [&str; 7] = [
+pub(super) const CAMERAS: [&str; 4] = ["perspective", "orthographic", "spherical", "realistic"];
+pub(super) const FILMS: [&str; 3] = ["rgb", "gbuffer", "spectral"];
+pub(super) const FILTERS: [&str; 5] = ["box", "gaussian", "mitchell", "sinc", "triangle"];
+pub(super) const SAMPLERS: [&str; 7] = [
     "zsobol",
     "paddedsobol",
     "halton",
@@ -23,7 +24,7 @@ const SAMPLERS: [&str; 7] = [
     "independent",
     "stratified",
 ];
-const INTEGRATORS: [&str; 11] = [
+pub(super) const INTEGRATORS: [&str; 11] = [
     "path",
     "volpath",
     "simplepath",
@@ -46,9 +47,13 @@ impl Importer<'_, '_> {
                 params: Params::empty(place.clone()),
             })
         };
-        let (camera, ctm) = match settings.camera {
-            Some((camera, ctm)) => (camera, ctm),
-            None => (or_default(None, "perspective"), [DMat4::IDENTITY; 2]),
+        let (camera, ctm, around) = match settings.camera {
+            Some(camera) => camera,
+            None => (
+                or_default(None, "perspective"),
+                [DMat4::IDENTITY; 2],
+                "".into(),
+            ),
         };
         let filter = or_default(settings.filter, "gaussian");
         let film = or_default(settings.film, "rgb");
@@ -58,6 +63,8 @@ impl Importer<'_, '_> {
         let filter_desc = self.filter(&filter);
         let filter_desc = self.checked(&filter, "the pixel filter", filter_desc);
         let film_desc = self.film(&film);
+        let diagonal = film.params.positive("diagonal", 35.0);
+        let diagonal = self.cx.keep(diagonal).unwrap_or(35.0);
         let film_desc = self.checked(&film, "Film", film_desc);
         let (kind, spp) = {
             let result = self.sampler(&sampler);
@@ -70,10 +77,13 @@ impl Importer<'_, '_> {
             .unwrap_or(Integrator::Path { max_depth: 5 });
         let mut film_desc = film_desc.unwrap_or(default_film());
         film_desc.filter = filter_desc.unwrap_or(film_desc.filter);
-        let camera_desc = self.camera(&camera, &ctm, &film_desc);
-        let camera_desc = self
+        let camera_desc = self.camera(&camera, &ctm, &mut film_desc, diagonal);
+        let mut camera_desc = self
             .checked(&camera, "the camera", camera_desc)
             .unwrap_or(default_camera());
+
+        let medium = self.medium(&around, &camera.params.place);
+        camera_desc.medium = self.cx.keep(medium).flatten();
 
         // imaging ratio = exposure time x iso / 100
         let time = camera_desc.shutter.1 - camera_desc.shutter.0;
@@ -91,15 +101,17 @@ impl Importer<'_, '_> {
         &mut self,
         setting: &Setting,
         ctm: &[DMat4; 2],
-        film: &FilmDesc,
+        film: &mut FilmDesc,
+        diagonal: f64,
     ) -> Result<Camera, Issue> {
         let params = &setting.params;
         let world_from_camera = ctm.map(|m| m.inverse());
+        let times = self.times;
         let transform = |own: DMat3| -> Result<Motion, Issue> {
             for m in ctm {
                 matrix::affine(m).map_err(|e| Issue::new(&params.place, format!("camera: {e}")))?;
             }
-            let mut motion = matrix::motion(&world_from_camera, self.times)
+            let mut motion = matrix::motion(&world_from_camera, times)
                 .map_err(|e| Issue::new(&params.place, e))?;
             for key in &mut motion.keys {
                 key.transform *= DAffine3::from_mat3(own);
@@ -170,16 +182,12 @@ impl Importer<'_, '_> {
         // Camera space of pbrt: left-handed, +z forward. Ours looks along -Z.
         let flip = DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0));
         let (transform, projection) = match setting.kind.as_str() {
-            "perspective" | "realistic" => {
-                let mut fov = params.float("fov", 90.0)?;
-                if setting.kind == "realistic" {
-                    params.ignore(&["lensfile", "aperturediameter", "focusdistance", "aperture"]);
-                    self.cx.warn(
-                        &params.place,
-                        "camera \"realistic\" is not supported: a pinhole of 40 degrees stands in",
-                    );
-                    fov = 40.0;
-                }
+            "realistic" => {
+                let projection = self.thin_lens(params, film, diagonal)?;
+                (transform(flip)?, projection)
+            }
+            "perspective" => {
+                let fov = params.float("fov", 90.0)?;
                 if !(fov > 0.0 && fov < 180.0) {
                     return params.fail(format!("a field of view of {fov} degrees"));
                 }
@@ -249,6 +257,68 @@ impl Importer<'_, '_> {
         })
     }
 
+    /// The thin lens that stands for the glass of a "realistic" camera. Its picture is as bright as
+    /// the light that falls onto the film through the aperture; the fall-off to the corners is lost.
+    fn thin_lens(
+        &mut self,
+        params: &Params,
+        film: &mut FilmDesc,
+        diagonal: f64,
+    ) -> Result<Projection, Issue> {
+        let Some(param) = params.find("lensfile", &[Kind::String])? else {
+            return params.fail("a realistic camera needs a \"lensfile\"");
+        };
+        let numbers = self.number_file(param, param.text()?)?;
+        let lens = lens::thin_lens(&numbers).map_err(|e| Issue::new(&params.place, e))?;
+        let aperture_diameter = params.positive("aperturediameter", 1.0)?.min(lens.stop);
+        let distance = params.positive("focusdistance", 10.0)?;
+        // Everything about the glass is in millimetres, the scene in metres.
+        let (f, d) = (lens.focal_length, distance * 1000.0);
+        if d <= f {
+            return params.fail(format!(
+                "a lens of {f:.1} mm cannot focus at {distance} m: nothing in focus"
+            ));
+        }
+        let image_distance = f * d / (d - f);
+        let aspect = f64::from(film.width) / f64::from(film.height);
+        let height = diagonal / libm::sqrt(1.0 + aspect * aspect);
+        let shorter = height.min(height * aspect);
+        let fov = 2.0 * libm::atan(0.5 * shorter / image_distance).to_degrees();
+        let aperture = match params.text("aperture", "")? {
+            "" => Aperture::Disk,
+            "pentagon" => Aperture::Blades {
+                count: 5,
+                rotation: 90.0,
+            },
+            other => {
+                let reason =
+                    format!("aperture {other:?} of the lens is not supported: a disk is used");
+                self.cx.warn(&params.place, reason);
+                Aperture::Disk
+            }
+        };
+        self.cx.warn(
+            &params.place,
+            format!(
+                "camera \"realistic\" becomes a thin lens of {f:.1} mm: without distortion, vignetting and the fall-off to the corners"
+            ),
+        );
+        let radius = 0.5 * aperture_diameter;
+        let opening = std::f64::consts::PI * radius * radius / (image_distance * image_distance);
+        film.exposure = film.exposure.map(|e| (f64::from(e) * opening) as f32);
+        Ok(Projection::Perspective {
+            fov,
+            fov_axis: FovAxis::Shorter,
+            window: None,
+            lens: Some(Lens {
+                radius: radius / 1000.0,
+                focus_distance: distance,
+                aperture,
+                anamorphic: 1.0,
+            }),
+        })
+    }
+
     fn film(&mut self, setting: &Setting) -> Result<FilmDesc, Issue> {
         let params = &setting.params;
         if !FILMS.contains(&setting.kind.as_str()) {
@@ -260,9 +330,12 @@ impl Importer<'_, '_> {
                 &params.place,
                 format!("film {:?}: only its colour is rendered", setting.kind),
             );
-            params.ignore(&["coordinatesystem", "nbuckets", "lambdamin", "lambdamax"]);
+            params.ignore(match setting.kind.as_str() {
+                "gbuffer" => &["coordinatesystem"],
+                _ => &["nbuckets", "lambdamin", "lambdamax"],
+            });
         }
-        params.ignore(&["filename", "savefp16", "diagonal"]);
+        params.ignore(&["filename", "savefp16"]);
         let side = 1..=crate::limits::MAX_SIDE;
         let width = params.count("xresolution", 1280, side.clone())?;
         let height = params.count("yresolution", 720, side)?;
@@ -276,9 +349,19 @@ impl Importer<'_, '_> {
                 ),
             );
         }
-        if params.float("whitebalance", 0.0)? != 0.0 {
-            self.cx
-                .warn(&params.place, "white balance is not supported: left out");
+        let mut balance = [1.0; 3];
+        let white = params.float("whitebalance", 0.0)?;
+        if white != 0.0 {
+            let Some(hue) = color::daylight(white) else {
+                return params.fail(format!(
+                    "white balance for {white} K; 100 to 25000 K are possible"
+                ));
+            };
+            balance = hue.map(|c| 1.0 / f64::from(c).max(0.01));
+            self.cx.warn(
+                &params.place,
+                "white balance is done channel by channel: saturated colours differ a little",
+            );
         }
         let max_component = params.float_opt("maxcomponentvalue")?.map(|v| v as f32);
         if max_component.is_some_and(|v| v <= 0.0) {
@@ -286,7 +369,7 @@ impl Importer<'_, '_> {
         }
 
         let mut crop = None;
-        if let Some(param) = params.find("pixelbounds", &[super::params::Kind::Integer])? {
+        if let Some(param) = params.find("pixelbounds", &[Kind::Integer])? {
             let &[x0, x1, y0, y1] = param.numbers() else {
                 return param.fail("needs four integers");
             };
@@ -329,7 +412,7 @@ impl Importer<'_, '_> {
             height,
             crop,
             filter,
-            exposure: [(iso / 100.0) as f32; 3],
+            exposure: balance.map(|b| (iso / 100.0 * b) as f32),
             max_component,
         })
     }
@@ -424,25 +507,20 @@ impl Importer<'_, '_> {
                     &params.place,
                     format!("integrator {kind:?} is not supported: the path tracer stands in"),
                 );
-                params.ignore(&[
-                    "lightsampler",
-                    "regularize",
-                    "visualizestrategies",
-                    "visualizeweights",
-                    "bootstrapsamples",
-                    "chains",
-                    "mutationsperpixel",
-                    "largestepprobability",
-                    "sigma",
-                    "photonsperiteration",
-                    "radius",
-                    "seed",
-                    "cossample",
-                    "maxdistance",
-                    "function",
-                    "filename",
-                    "skipbad",
-                ]);
+                params.ignore(match kind {
+                    "bdpt" => &["regularize", "visualizestrategies", "visualizeweights"],
+                    "mlt" => &[
+                        "bootstrapsamples",
+                        "chains",
+                        "mutationsperpixel",
+                        "largestepprobability",
+                        "sigma",
+                    ],
+                    "sppm" => &["photonsperiteration", "radius", "seed", "regularize"],
+                    "ambientocclusion" => &["cossample", "maxdistance"],
+                    "function" => &["function", "filename", "skipbad"],
+                    _ => &[],
+                });
             }
         }
         Ok(Integrator::Path { max_depth })

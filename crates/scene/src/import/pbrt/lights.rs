@@ -6,13 +6,13 @@ use super::{Importer, Radiance, legacy, matrix};
 use crate::context::Issue;
 use crate::diagnostic::Place;
 use crate::model::{
-    ColorTex, Emission, Encoding, Light, Mesh, Motion, Rgb, Shape, SphereMapping, SpotFalloff,
-    Texture, TextureId, UvMap, Wrap,
+    ColorTex, Emission, Encoding, ImageId, Light, Mesh, Motion, Rgb, Shape, SphereMapping,
+    SpotFalloff, Texture, TextureId, UvMap, Wrap,
 };
 use glam::{DAffine3, DMat3, DVec3};
 use std::f64::consts::PI;
 
-const LIGHTS: [&str; 6] = [
+pub(super) const LIGHTS: [&str; 6] = [
     "distant",
     "goniometric",
     "infinite",
@@ -83,9 +83,15 @@ impl Importer<'_, '_> {
                 let mut from = DVec3::ZERO;
                 if kind == "point" {
                     from = DVec3::from_array(params.vector("from", Kind::Point3, [0.0; 3])?);
+                } else if params.has("filename") {
+                    let light = self.goniometric(params, ctm, times(color, scale), power)?;
+                    self.lights.push(light);
+                    return Ok(());
                 } else {
-                    params.ignore(&["filename"]);
-                    self.cx.warn(&params.place, "light \"goniometric\" shines equally in all directions: its picture is left out");
+                    self.cx.warn(
+                        &params.place,
+                        "a goniometric light without a \"filename\" shines equally in all directions",
+                    );
                 }
                 let level = if power > 0.0 {
                     scale * power / (4.0 * PI)
@@ -98,7 +104,8 @@ impl Importer<'_, '_> {
                     intensity: Self::finite(params, times(color, level))?,
                 }
             }
-            _ => self.spot(kind, params, ctm, scale)?,
+            "projection" => self.projection(params, ctm, scale)?,
+            _ => self.spot(params, ctm, scale)?,
         };
         self.lights.push(light);
         Ok(())
@@ -110,31 +117,81 @@ impl Importer<'_, '_> {
         Ok((DVec3::from_array(from), DVec3::from_array(to)))
     }
 
-    fn spot(
+    /// A level that takes the pixels of a picture, which only the tracer reads: `power` or
+    /// `illuminance`.
+    fn level(params: &Params, level: f64) -> Result<Option<f32>, Issue> {
+        if level <= 0.0 {
+            return Ok(None);
+        }
+        let level = level as f32;
+        if level.is_finite() {
+            Ok(Some(level))
+        } else {
+            params.fail("the light is too bright for a number")
+        }
+    }
+
+    fn goniometric(
         &mut self,
-        kind: &str,
         params: &Params,
         ctm: DAffine3,
+        intensity: Rgb,
+        power: f64,
+    ) -> Result<Light, Issue> {
+        let name = params.text("filename", "")?;
+        let image = self.cx.image(&params.place, name, Encoding::Auto)?;
+        self.square(params, name, image)?;
+        Ok(Light::Goniometric {
+            transform: ctm,
+            intensity: Self::finite(params, intensity)?,
+            image,
+            power: Self::level(params, power)?,
+        })
+    }
+
+    /// Refuses a picture of the sphere that cannot be an octahedral one.
+    fn square(&mut self, params: &Params, name: &str, image: ImageId) -> Result<(), Issue> {
+        match self.cx.info(image) {
+            Some(info) if info.width != info.height => {
+                let (w, h) = (info.width, info.height);
+                params.fail(format!(
+                    "{name}: {w} x {h} pixels; a picture of the sky is square (equal-area octahedral), not latitude and longitude"
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn projection(
+        &mut self,
+        params: &Params,
+        transform: DAffine3,
         scale: f64,
     ) -> Result<Light, Issue> {
-        let power = params.float("power", -1.0)?;
-        let (color, cone, full, from, to);
-        if kind == "projection" {
-            params.ignore(&["filename"]);
-            self.cx.warn(
-                &params.place,
-                "light \"projection\" becomes a spot of the same angle: its picture is left out",
-            );
-            color = [1.0; 3];
-            cone = params.float("fov", 90.0)? / 2.0;
-            full = cone;
-            (from, to) = (DVec3::ZERO, DVec3::Z);
-        } else {
-            color = self.emission(params, "I")?.unwrap_or([1.0; 3]);
-            cone = params.float("coneangle", 30.0)?;
-            full = cone - params.float("conedeltaangle", 5.0)?;
-            (from, to) = self.endpoints(params)?;
+        let Some(name) = params.text_opt("filename")? else {
+            return params.fail("a projection light needs a \"filename\"");
+        };
+        let image = self.cx.image(&params.place, name, Encoding::Auto)?;
+        let fov = params.float("fov", 90.0)?;
+        if !(fov > 0.0 && fov < 180.0) {
+            return params.fail(format!("a field of view of {fov} degrees"));
         }
+        let power = params.float("power", -1.0)?;
+        Ok(Light::Projection {
+            transform,
+            intensity: Self::finite(params, times([1.0; 3], scale))?,
+            image,
+            fov,
+            power: Self::level(params, power)?,
+        })
+    }
+
+    fn spot(&mut self, params: &Params, ctm: DAffine3, scale: f64) -> Result<Light, Issue> {
+        let power = params.float("power", -1.0)?;
+        let color = self.emission(params, "I")?.unwrap_or([1.0; 3]);
+        let cone = params.float("coneangle", 30.0)?;
+        let full = cone - params.float("conedeltaangle", 5.0)?;
+        let (from, to) = self.endpoints(params)?;
         if !(cone > 0.0 && cone <= 180.0 && full <= cone) {
             return params.fail(format!(
                 "a spot with a cone of {cone} degrees, full up to {full}"
@@ -170,12 +227,8 @@ impl Importer<'_, '_> {
         let color = self.emission(params, "L")?;
         let filename = params.text_opt("filename")?;
         let illuminance = params.float("illuminance", -1.0)?;
-        if params.find("portal", &[Kind::Point3])?.is_some() {
-            self.cx.warn(
-                &params.place,
-                "\"portal\" is not supported: the light comes in everywhere",
-            );
-        }
+        let portal = self.portal(params)?;
+        let mut level_of_picture = None;
         let (radiance, image) = match (color, filename) {
             (Some(_), Some(_)) => {
                 return params.fail("an infinite light has either \"L\" or \"filename\", not both");
@@ -190,20 +243,8 @@ impl Importer<'_, '_> {
             }
             (None, Some(name)) => {
                 let image = self.cx.image(&params.place, name, Encoding::Auto)?;
-                if let Some(info) = self.cx.info(image)
-                    && info.width != info.height
-                {
-                    let (w, h) = (info.width, info.height);
-                    return params.fail(format!(
-                        "{name}: {w} x {h} pixels; a picture of the sky is square (equal-area octahedral), not latitude and longitude"
-                    ));
-                }
-                if illuminance > 0.0 {
-                    self.cx.warn(
-                        &params.place,
-                        "\"illuminance\" of a picture is not supported: its own level is kept",
-                    );
-                }
+                self.square(params, name, image)?;
+                level_of_picture = Self::level(params, illuminance)?;
                 (
                     times([1.0; 3], scale),
                     Some((image, SphereMapping::OctahedralEqualArea)),
@@ -216,7 +257,28 @@ impl Importer<'_, '_> {
             radiance,
             image,
             hidden: false,
+            illuminance: level_of_picture,
+            portal,
         })
+    }
+
+    /// The rectangle that an infinite light comes in through; its corners are in the world.
+    fn portal(&mut self, params: &Params) -> Result<Option<[DVec3; 4]>, Issue> {
+        let Some(rows) = params.rows::<3>("portal", &[Kind::Point3])? else {
+            return Ok(None);
+        };
+        let &[p0, p1, p2, p3] = rows.as_slice() else {
+            return params.fail(format!("a portal with {} corners; it has 4", rows.len()));
+        };
+        let corners = [p0, p1, p2, p3].map(|p| DVec3::from_array(p.map(f64::from)));
+        let direction = |a: usize, b: usize| (corners[b] - corners[a]).normalize_or_zero();
+        let (a, b) = (direction(0, 1), direction(1, 2));
+        let (c, d) = (direction(3, 2), direction(0, 3));
+        let parallel = a.dot(c) > 0.999 && b.dot(d) > 0.999;
+        if !parallel || libm::fabs(a.dot(b)) > 1e-3 {
+            return params.fail("a portal that is not a rectangle with its corners in order");
+        }
+        Ok(Some(corners))
     }
 
     /// Reads everything that an area light may say, so that mistakes show where they are.
@@ -252,6 +314,13 @@ impl Importer<'_, '_> {
                 "a moving area light: pbrt refuses it, it is rendered here",
             );
         }
+        if matches!(shape, Shape::Curves(_)) {
+            self.warn_once(
+                place,
+                "curves do not shine, as in pbrt: their area light is left out",
+            );
+            return Ok(None);
+        }
         let radiance = match params.text_opt("filename")? {
             Some(name) => {
                 let image = self.cx.image(&params.place, name, Encoding::Auto)?;
@@ -261,20 +330,20 @@ impl Importer<'_, '_> {
                     map: UvMap::default(),
                     wrap: (Wrap::Clamp, Wrap::Clamp),
                     nearest: false,
+                    mip: None,
                     invert: false,
                     scale: [1.0; 4],
                 });
                 if power > 0.0 {
-                    self.cx.warn(
-                        &params.place,
-                        "\"power\" of a picture is not supported: its own level is kept",
-                    );
+                    let mean = Texture::UnitMean { texture: id };
+                    ColorTex::Texture(self.add_texture(mean))
+                } else {
+                    ColorTex::Texture(id)
                 }
-                ColorTex::Texture(id)
             }
             None => ColorTex::Const(color.unwrap_or([1.0; 3])),
         };
-        if power > 0.0 && matches!(radiance, ColorTex::Const(_)) {
+        if power > 0.0 {
             let keys = &transform.keys;
             let placed = keys
                 .first()
@@ -325,7 +394,8 @@ impl Importer<'_, '_> {
                 true,
             ),
             Shape::Rectangle => (4.0 * m.x_axis.cross(m.y_axis).length(), 1, true),
-            Shape::Curves(_) => todo!("NEXT"),
+            // Curves do not shine: refused before.
+            Shape::Curves(_) => (0.0, 1, true),
         }
     }
 }

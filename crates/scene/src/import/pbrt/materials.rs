@@ -5,12 +5,12 @@ use super::spectra::{COPPER, Role};
 use super::{Importer, MaterialEntry, Materials, legacy, nearest};
 use crate::context::Issue;
 use crate::model::{
-    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatTex, Material, MaterialId, Roughness,
-    RoughnessScale,
+    BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatTex, HairColor, Material, MaterialId,
+    MediumId, Roughness, RoughnessScale,
 };
 use std::collections::BTreeSet;
 
-const MATERIALS: [&str; 12] = [
+pub(super) const MATERIALS: [&str; 12] = [
     "coatedconductor",
     "coateddiffuse",
     "conductor",
@@ -32,6 +32,7 @@ impl Importer<'_, '_> {
         let mut built = Vec::with_capacity(entries.len());
         let mut ids = Vec::with_capacity(entries.len());
         let mut names = BTreeSet::new();
+        self.interiors = vec![None; entries.len()];
         for (index, entry) in entries.iter().enumerate() {
             let result = self.material(entry, index, &ids);
             let material = match self.cx.keep(result) {
@@ -238,47 +239,116 @@ impl Importer<'_, '_> {
                 let amount = self
                     .float_tex(params, "amount")?
                     .unwrap_or(FloatTex::Const(0.5));
+                self.interiors[index] = self.mixed_interior(params)?;
                 BsdfDesc::Mix { a, b, amount }
             }
             "interface" | "" | "none" => BsdfDesc::Interface,
-            "subsurface" | "hair" | "measured" => {
-                for name in [
-                    "name",
-                    "filename",
-                    "g",
-                    "sigma_a",
-                    "sigma_s",
-                    "mfp",
-                    "eta",
-                    "scale",
-                    "roughness",
-                    "uroughness",
-                ] {
-                    params.ignore(&[name]);
+            "subsurface" => {
+                let ior = params.positive("eta", 1.33)? as f32;
+                if !(0.01..=100.0).contains(&ior) {
+                    return params.fail(format!("an index of refraction of {ior}"));
                 }
-                params.ignore(&[
-                    "vroughness",
-                    "remaproughness",
-                    "eumelanin",
-                    "pheomelanin",
-                    "beta_m",
-                    "beta_n",
-                    "alpha",
-                ]);
-                let reflectance = match self.color_tex(params, "color", Role::Albedo)? {
-                    Some(color) => color,
-                    None => self.albedo(params, "reflectance", 0.5)?,
+                let interior = self.interior(params, ior)?;
+                self.interiors[index] = Some(interior);
+                BsdfDesc::Dielectric {
+                    ior,
+                    roughness: self.roughness(params, "")?,
+                    reflect_tint: white,
+                    transmit_tint: white,
+                }
+            }
+            "hair" => self.hair(params)?,
+            "measured" => {
+                let Some(name) = params.text_opt("filename")? else {
+                    return params.fail("a measured material needs a \"filename\"");
                 };
                 self.cx.warn(
                     &params.place,
-                    format!("material {:?} is not supported: a diffuse surface of its reflectance stands in", entry.kind),
+                    format!("material \"measured\" ({name}) is not read: a grey diffuse surface stands in"),
                 );
-                BsdfDesc::Diffuse { reflectance }
+                grey()
             }
             other => {
                 let hint = legacy::hint("material", other, &MATERIALS);
                 return params.fail(format!("unknown material type {other:?}{hint}"));
             }
+        })
+    }
+
+    /// What a mix is filled with: light that passes either part is inside the same.
+    fn mixed_interior(&mut self, params: &Params) -> Result<Option<MediumId>, Issue> {
+        let names = params.find("materials", &[Kind::String])?;
+        let filled: Vec<MediumId> = names
+            .map_or(&[][..], |p| p.texts())
+            .iter()
+            .filter_map(|name| self.interiors[*self.material_names.get(name)?])
+            .collect();
+        if filled.len() > 1 && filled[0] != filled[1] {
+            return params.fail("a mix of two subsurface materials with different insides");
+        }
+        Ok(filled.first().copied())
+    }
+
+    fn hair(&mut self, params: &Params) -> Result<BsdfDesc, Issue> {
+        let absorption = self.color_tex(params, "sigma_a", Role::Unbounded)?;
+        let reflectance = self.color_tex(params, "reflectance", Role::Albedo)?;
+        let reflectance = match reflectance {
+            Some(reflectance) => Some(reflectance),
+            None => self.color_tex(params, "color", Role::Albedo)?,
+        };
+        let eumelanin = self.float_tex(params, "eumelanin")?;
+        let pheomelanin = self.float_tex(params, "pheomelanin")?;
+        let ways = [
+            absorption.is_some(),
+            reflectance.is_some(),
+            eumelanin.or(pheomelanin).is_some(),
+        ];
+        if ways.iter().filter(|given| **given).count() > 1 {
+            self.cx.warn(
+                &params.place,
+                "hair coloured in several ways: sigma_a counts before reflectance, that before melanin, as in pbrt",
+            );
+        }
+        let none = FloatTex::Const(0.0);
+        let color = match (absorption, reflectance) {
+            (Some(absorption), _) => HairColor::Absorption(absorption),
+            (None, Some(reflectance)) => HairColor::Reflectance(reflectance),
+            (None, None) if ways[2] => HairColor::Melanin {
+                eumelanin: eumelanin.unwrap_or(none),
+                pheomelanin: pheomelanin.unwrap_or(none),
+            },
+            // Brown where nothing is said.
+            (None, None) => HairColor::Melanin {
+                eumelanin: FloatTex::Const(1.3),
+                pheomelanin: none,
+            },
+        };
+        let ior = self.constant(params, "eta", 1.55)?;
+        if !(1.0..=10.0).contains(&ior) {
+            return params.fail(format!("hair with an index of refraction of {ior}"));
+        }
+        let width = |value: Option<FloatTex>| value.unwrap_or(FloatTex::Const(0.3));
+        let (beta_m, beta_n) = (
+            width(self.float_tex(params, "beta_m")?),
+            width(self.float_tex(params, "beta_n")?),
+        );
+        for beta in [beta_m, beta_n] {
+            if let FloatTex::Const(beta) = beta
+                && !(0.0..=1.0).contains(&beta)
+            {
+                return params.fail(format!("hair with a roughness of {beta}; 0 to 1 is meant"));
+            }
+        }
+        let alpha = self.constant(params, "alpha", 2.0)?;
+        if !(-90.0..=90.0).contains(&alpha) {
+            return params.fail(format!("hair with scales tilted by {alpha} degrees"));
+        }
+        Ok(BsdfDesc::Hair {
+            color,
+            ior,
+            beta_m,
+            beta_n,
+            alpha,
         })
     }
 

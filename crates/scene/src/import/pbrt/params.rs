@@ -232,6 +232,8 @@ impl Params {
 
     /// The parameter of that name, which must have one of these types.
     pub fn find(&self, name: &str, kinds: &[Kind]) -> Result<Option<&Param>, Issue> {
+        #[cfg(test)]
+        asked::note(name);
         let Some(param) = self.params.iter().find(|p| p.name == name) else {
             return Ok(None);
         };
@@ -255,6 +257,8 @@ impl Params {
             .iter()
             .filter(|p| names.contains(&p.name.as_str()))
             .for_each(|p| p.used.set(true));
+        #[cfg(test)]
+        names.iter().for_each(|name| asked::note(name));
     }
 
     pub fn float_opt(&self, name: &str) -> Result<Option<f64>, Issue> {
@@ -445,5 +449,30 @@ fn read_values(lexer: &mut Lexer<'_>, kind: Kind, name: &str) -> Result<Values, 
             fail("integers")
         }
         _ => Ok(Values::Numbers(numbers)),
+    }
+}
+
+/// For the check of the table of features: which parameters the importer asks for.
+#[cfg(test)]
+pub(super) mod asked {
+    use std::cell::RefCell;
+    use std::collections::BTreeSet;
+
+    thread_local! {
+        static ASKED: RefCell<Option<BTreeSet<String>>> = const { RefCell::new(None) };
+    }
+
+    pub fn start() {
+        ASKED.set(Some(BTreeSet::new()));
+    }
+    pub fn stop() -> BTreeSet<String> {
+        ASKED.take().unwrap_or_default()
+    }
+    pub(super) fn note(name: &str) {
+        ASKED.with_borrow_mut(|asked| {
+            if let Some(asked) = asked {
+                asked.insert(name.to_owned());
+            }
+        });
     }
 }

@@ -6,7 +6,7 @@ use crate::context::Issue;
 use crate::model::{Mesh, Shape};
 use std::sync::Arc;
 
-const SHAPES: [&str; 8] = [
+pub(super) const SHAPES: [&str; 8] = [
     "bilinearmesh",
     "curve",
     "cylinder",
@@ -19,8 +19,14 @@ const SHAPES: [&str; 8] = [
 
 impl Importer<'_, '_> {
     pub(super) fn shape(&mut self, kind: &str, params: &Params) -> Result<(), Issue> {
-        let Some(shape) = self.geometry(kind, params)? else {
-            return Ok(());
+        let strand = match kind {
+            "curve" => Some(self.strand(params)?),
+            _ => None,
+        };
+        let shape = match &strand {
+            // Replaced when the strand finds its bundle.
+            Some(_) => Shape::Rectangle,
+            None => self.geometry(kind, params)?,
         };
         let alpha = match params.find("alpha", &[Kind::Float, Kind::Texture])? {
             Some(param) if param.kind == Kind::Float => Some(Alpha::Value(param.one()? as f32)),
@@ -36,8 +42,12 @@ impl Importer<'_, '_> {
             emission: self.graphics.area_light.clone(),
             alpha,
             reverse: self.graphics.reverse,
+            sides: self.graphics.sides.clone(),
             place: params.place.clone(),
         };
+        if let Some(strand) = strand {
+            return self.add_strand(params, strand, pending);
+        }
         match self.groups.last_mut().filter(|_| self.open_group) {
             Some(group) => group.shapes.push(pending),
             None => self.shapes.push(pending),
@@ -45,14 +55,14 @@ impl Importer<'_, '_> {
         Ok(())
     }
 
-    fn mesh(&mut self, params: &Params, kind: &str, mesh: Mesh) -> Result<Option<Shape>, Issue> {
+    fn mesh(&mut self, params: &Params, kind: &str, mesh: Mesh) -> Result<Shape, Issue> {
         let name = format!("{kind} at {}", params.place);
-        Ok(Some(Shape::Mesh(
+        Ok(Shape::Mesh(
             self.cx.add_mesh(&params.place, Mesh { name, ..mesh })?,
-        )))
+        ))
     }
 
-    fn geometry(&mut self, kind: &str, params: &Params) -> Result<Option<Shape>, Issue> {
+    fn geometry(&mut self, kind: &str, params: &Params) -> Result<Shape, Issue> {
         match kind {
             "plymesh" => {
                 let Some(name) = params.text_opt("filename")? else {
@@ -65,7 +75,7 @@ impl Importer<'_, '_> {
                     params.ignore(&["edgelength"]);
                     self.cx.warn(&params.place, "\"displacement\" of a plymesh is not supported: its vertices stay where they are");
                 }
-                Ok(Some(Shape::Mesh(self.cx.ply(&params.place, name)?)))
+                Ok(Shape::Mesh(self.cx.ply(&params.place, name)?))
             }
             "trianglemesh" => {
                 let mesh = self.triangle_mesh(params)?;
@@ -105,7 +115,7 @@ impl Importer<'_, '_> {
                 );
                 let phi_max = params.float("phimax", 360.0)?;
                 if z_min <= -radius && z_max >= radius && phi_max >= 360.0 {
-                    return Ok(Some(Shape::Sphere { radius }));
+                    return Ok(Shape::Sphere { radius });
                 }
                 if z_min >= z_max || phi_max <= 0.0 {
                     return params.fail("a part of a sphere that is empty");
@@ -129,11 +139,11 @@ impl Importer<'_, '_> {
                     return params.fail("a disk that is empty");
                 }
                 if phi_max >= 360.0 {
-                    return Ok(Some(Shape::Disk {
+                    return Ok(Shape::Disk {
                         radius,
                         inner_radius,
                         height,
-                    }));
+                    });
                 }
                 self.warn_once(&params.place, "a part of a disk becomes triangles");
                 self.mesh(
@@ -158,22 +168,6 @@ impl Importer<'_, '_> {
                     kind,
                     tessellate::cylinder(radius, (z_min.min(z_max), z_min.max(z_max)), phi_max),
                 )
-            }
-            "curve" => {
-                params.ignore(&[
-                    "P",
-                    "basis",
-                    "degree",
-                    "type",
-                    "N",
-                    "width",
-                    "width0",
-                    "width1",
-                    "splitdepth",
-                    "alpha",
-                ]);
-                self.warn_once(&params.place, "curves are not supported: they are left out");
-                Ok(None)
             }
             other => {
                 let hint = legacy::hint("shape", other, &SHAPES);
@@ -235,7 +229,7 @@ impl Importer<'_, '_> {
         Ok(Vec::new())
     }
 
-    fn bilinear_mesh(&mut self, params: &Params) -> Result<Option<Shape>, Issue> {
+    fn bilinear_mesh(&mut self, params: &Params) -> Result<Shape, Issue> {
         let Some(positions) = params.rows::<3>("P", &[Kind::Point3])? else {
             return params.fail("a bilinearmesh needs \"P\"");
         };

@@ -40,7 +40,7 @@ impl ColorSpace {
 
     /// To linear Rec. 709, whites kept (for ACES by Bradford adaptation from its white, D60); what
     /// lies outside the gamut is cut.
-    fn to_rec709(self, [r, g, b]: [f64; 3]) -> [f64; 3] {
+    pub fn to_rec709(self, [r, g, b]: [f64; 3]) -> [f64; 3] {
         let m: [[f64; 3]; 3] = match self {
             ColorSpace::Srgb => return [r, g, b],
             ColorSpace::Rec2020 => [
@@ -181,7 +181,7 @@ impl Importer<'_, '_> {
                     Some(rgb) if role == Role::Albedo => Ok(rgb.map(|c| c.min(1.0))),
                     Some(rgb) => Ok(rgb),
                     None if name.contains('.') => {
-                        let table = self.spectrum_file(param, name)?;
+                        let table = self.number_file(param, name)?;
                         self.tabulated(param, &table, role)
                     }
                     None => param.fail(format!("names the unknown spectrum {name:?}")),
@@ -193,7 +193,8 @@ impl Importer<'_, '_> {
         }
     }
 
-    fn spectrum_file(&mut self, param: &Param, name: &str) -> Result<Vec<f64>, Issue> {
+    /// The numbers of a text file, with comments after `#`.
+    pub(super) fn number_file(&mut self, param: &Param, name: &str) -> Result<Vec<f64>, Issue> {
         let path = self.cx.path(&param.place, name)?;
         let bytes = self.cx.read(&param.place, &path)?;
         self.cx.release(bytes.len() as u64);

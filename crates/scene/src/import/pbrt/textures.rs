@@ -1,16 +1,14 @@
 //! Textures. Float and spectrum textures have separate names; constants stay constants.
 
-use super::params::{Kind, Param, Params};
+use super::params::{Kind, Params};
 use super::spectra::{Role, SPECTRUM};
 use super::{Importer, matrix, nearest};
 use crate::context::Issue;
-use crate::model::{
-    Channel, ColorTex, Encoding, FloatOrColor, FloatTex, ImageId, Rgb, Texture, TextureId, UvMap,
-    Wrap,
-};
-use glam::{DAffine3, DMat3, DVec3};
+use crate::limits::MAX_OCTAVES;
+use crate::model::{Channel, ColorTex, FloatOrColor, FloatTex, NoisePattern, Texture, TextureId};
+use glam::DVec3;
 
-const CLASSES: [&str; 14] = [
+pub(super) const CLASSES: [&str; 13] = [
     "bilerp",
     "checkerboard",
     "constant",
@@ -24,12 +22,11 @@ const CLASSES: [&str; 14] = [
     "scale",
     "windy",
     "wrinkled",
-    "uv",
 ];
 
 /// Both kinds of texture at once: a float texture is a colour texture of which one channel is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Value {
+pub(super) enum Value {
     Color(ColorTex),
     Float(FloatTex),
 }
@@ -52,7 +49,7 @@ impl Value {
 }
 
 impl Importer<'_, '_> {
-    fn add_texture(&mut self, texture: Texture) -> TextureId {
+    pub(super) fn add_texture(&mut self, texture: Texture) -> TextureId {
         self.textures.push(texture);
         TextureId(self.textures.len() as u32 - 1)
     }
@@ -169,7 +166,7 @@ impl Importer<'_, '_> {
     }
 
     /// A finished texture as a value of the wanted kind.
-    fn value(&mut self, texture: Texture, float: bool, channel: Channel) -> Value {
+    pub(super) fn value(&mut self, texture: Texture, float: bool, channel: Channel) -> Value {
         let id = self.add_texture(texture);
         if float {
             Value::Float(FloatTex::Texture(id, channel))
@@ -178,16 +175,25 @@ impl Importer<'_, '_> {
         }
     }
 
-    /// The channel that stands for the result of combining float textures.
-    fn common_channel(&mut self, params: &Params, inputs: &[Value]) -> Channel {
-        let mut channels = inputs.iter().filter_map(|v| v.channel());
-        let first = channels.next();
-        if let Some(first) = first
-            && channels.any(|c| c != first)
-        {
-            self.cx.warn(&params.place, "float textures of pictures with and without alpha are combined: all use the same channel");
+    /// Inputs that are combined into one texture, and the channel of the result that counts. Numbers
+    /// that come from different channels, or from alpha (which constants do not have), are made grey
+    /// first.
+    fn combined<const N: usize>(&mut self, inputs: [Value; N]) -> ([ColorTex; N], Channel) {
+        let channels = || inputs.iter().filter_map(|v| v.channel());
+        let Some(first) = channels().next() else {
+            return (inputs.map(Value::color), Channel::R);
+        };
+        let plain = |c: Channel| !matches!(c, Channel::A | Channel::AlphaOrMean);
+        if channels().all(|c| c == first && plain(c)) {
+            return (inputs.map(Value::color), first);
         }
-        first.unwrap_or(Channel::R)
+        let grey = |input: Value| match input {
+            Value::Float(value @ FloatTex::Texture(..)) => {
+                ColorTex::Texture(self.add_texture(Texture::Grey { value }))
+            }
+            other => other.color(),
+        };
+        (inputs.map(grey), Channel::R)
     }
 
     fn texture(&mut self, class: &str, params: &Params, float: bool) -> Result<Value, Issue> {
@@ -220,64 +226,73 @@ impl Importer<'_, '_> {
                     (a, FloatTex::Const(1.0)) => return Ok(a),
                     _ => {}
                 }
-                let channel = a.channel().unwrap_or(Channel::R);
+                let ([a], channel) = self.combined([a]);
                 Ok(self.value(
                     Texture::Scale {
-                        a: a.color(),
+                        a,
                         b: FloatOrColor::Float(scale),
                     },
                     float,
                     channel,
                 ))
             }
-            "mix" | "directionmix" => {
+            "mix" => {
                 let a = self.input(params, "tex1", 0.0, float)?;
                 let b = self.input(params, "tex2", 1.0, float)?;
-                let amount = if class == "mix" {
-                    self.float_tex(params, "amount")?
-                        .unwrap_or(FloatTex::Const(0.5))
-                } else {
-                    params.ignore(&["dir"]);
-                    self.cx.warn(
-                        &params.place,
-                        "texture \"directionmix\" becomes an even mix",
-                    );
-                    FloatTex::Const(0.5)
-                };
+                let amount = self
+                    .float_tex(params, "amount")?
+                    .unwrap_or(FloatTex::Const(0.5));
                 if a == b {
                     return Ok(a);
                 }
-                let channel = self.common_channel(params, &[a, b]);
-                Ok(self.value(
-                    Texture::Mix {
-                        a: a.color(),
-                        b: b.color(),
-                        amount,
-                    },
-                    float,
-                    channel,
-                ))
+                let ([a, b], channel) = self.combined([a, b]);
+                Ok(self.value(Texture::Mix { a, b, amount }, float, channel))
+            }
+            "directionmix" => {
+                let a = self.input(params, "tex1", 0.0, float)?;
+                let b = self.input(params, "tex2", 1.0, float)?;
+                let direction = params.vector("dir", Kind::Vector3, [0.0, 1.0, 0.0])?;
+                let placed = matrix::affine(&self.graphics.ctm[0])
+                    .map_err(|e| Issue::new(&params.place, e))?;
+                let direction = placed.transform_vector3(DVec3::from_array(direction));
+                let Some(direction) = direction.try_normalize() else {
+                    return params.fail("a direction \"dir\" of no length");
+                };
+                let ([a, b], channel) = self.combined([a, b]);
+                Ok(self.value(Texture::DirectionMix { a, b, direction }, float, channel))
             }
             "checkerboard" => {
                 let a = self.input(params, "tex1", 1.0, float)?;
                 let b = self.input(params, "tex2", 0.0, float)?;
-                let map = match params.count("dimension", 2, 2..=3)? {
-                    2 => self.map_2d(params)?,
-                    _ => UvMap::Planar {
+                let solid = params.count("dimension", 2, 2..=3)? == 3;
+                let map = match solid {
+                    true => None,
+                    false => Some(self.map_2d(params)?),
+                };
+                let ([even, odd], channel) = self.combined([a, b]);
+                let texture = match map {
+                    Some(map) => Texture::Checkerboard { map, even, odd },
+                    None => Texture::Checkerboard3d {
                         matrix: self.texture_space(params)?,
+                        even,
+                        odd,
                     },
                 };
-                let channel = self.common_channel(params, &[a, b]);
-                Ok(self.value(
-                    Texture::Checkerboard {
-                        map,
-                        even: a.color(),
-                        odd: b.color(),
-                    },
-                    float,
-                    channel,
-                ))
+                Ok(self.value(texture, float, channel))
             }
+            "dots" => {
+                let inside = self.input(params, "inside", 1.0, float)?;
+                let outside = self.input(params, "outside", 0.0, float)?;
+                let map = self.map_2d(params)?;
+                let ([inside, outside], channel) = self.combined([inside, outside]);
+                let texture = Texture::Dots {
+                    map,
+                    inside,
+                    outside,
+                };
+                Ok(self.value(texture, float, channel))
+            }
+            "fbm" | "wrinkled" | "windy" | "marble" => self.noise(class, params, float),
             "bilerp" => {
                 let map = self.map_2d(params)?;
                 let mut corners = [[0.0; 3]; 4];
@@ -298,59 +313,18 @@ impl Importer<'_, '_> {
                 }
                 Ok(self.value(Texture::Bilerp { map, corners }, float, Channel::R))
             }
-            other if CLASSES.contains(&other) => {
-                let (value, instead): (Rgb, _) = match other {
-                    "dots" => {
-                        let outside = self.input(params, "outside", 0.0, float)?;
-                        let inside = self.input(params, "inside", 1.0, float)?;
-                        params.ignore(&[
-                            "mapping", "uscale", "vscale", "udelta", "vdelta", "v1", "v2",
-                        ]);
-                        self.cx.warn(
-                            &params.place,
-                            "texture \"dots\" is not supported: its two parts are mixed evenly",
-                        );
-                        let channel = self.common_channel(params, &[inside, outside]);
-                        let (a, b) = (outside.color(), inside.color());
-                        return Ok(self.value(
-                            Texture::Mix {
-                                a,
-                                b,
-                                amount: FloatTex::Const(0.5),
-                            },
-                            float,
-                            channel,
-                        ));
-                    }
-                    "marble" => ([0.5, 0.45, 0.4], "grey"),
-                    "ptex" => ([0.5; 3], "grey"),
-                    _ => ([0.5; 3], "its mean, 0.5"),
-                };
-                params.ignore(&[
-                    "octaves",
-                    "roughness",
-                    "scale",
-                    "variation",
-                    "filename",
-                    "encoding",
-                    "mapping",
-                    "uscale",
-                    "vscale",
-                    "udelta",
-                    "vdelta",
-                    "v1",
-                    "v2",
-                ]);
+            "ptex" => {
+                params.ignore(&["filename", "encoding", "scale"]);
                 self.cx.warn(
                     &params.place,
-                    format!("texture {other:?} is not supported: {instead} stands in"),
+                    "texture \"ptex\" is not supported: grey stands in",
                 );
-                Ok(if float {
-                    Value::Float(FloatTex::Const(value[0]))
-                } else {
-                    Value::Color(ColorTex::Const(value))
+                Ok(match float {
+                    true => Value::Float(FloatTex::Const(0.5)),
+                    false => Value::Color(ColorTex::Const([0.5; 3])),
                 })
             }
+            "uv" => params.fail("texture \"uv\" is of pbrt-v3; pbrt-v4 has none like it"),
             other => {
                 let near = crate::suggest::did_you_mean(other, CLASSES);
                 params.fail(format!("unknown texture {other:?}{near}"))
@@ -358,164 +332,31 @@ impl Importer<'_, '_> {
         }
     }
 
-    fn imagemap(&mut self, params: &Params, float: bool) -> Result<Value, Issue> {
-        let Some(name) = params.text_opt("filename")? else {
-            return params.fail("an imagemap needs a \"filename\"");
-        };
-        let map = self.map_2d(params)?;
-        let nearest = match params.text("filter", "bilinear")? {
-            "point" => true,
-            "bilinear" | "trilinear" | "ewa" | "EWA" => false,
-            other => {
-                return params.fail(format!(
-                    "unknown filter {other:?}; there are point, bilinear, trilinear, ewa"
-                ));
-            }
-        };
-        params.ignore(&["maxanisotropy"]);
-        let wrap = match params.text("wrap", "repeat")? {
-            "repeat" => Wrap::Repeat,
-            "clamp" => Wrap::Clamp,
-            "black" => Wrap::Black,
-            "octahedralsphere" => {
-                self.cx.warn(
-                    &params.place,
-                    "wrap \"octahedralsphere\" is not supported: \"clamp\" is used",
-                );
-                Wrap::Clamp
-            }
-            other => {
-                return params.fail(format!(
-                    "unknown wrap {other:?}; there are repeat, clamp, black"
-                ));
-            }
-        };
-        let scale = params.float("scale", 1.0)? as f32;
-        let invert = params.bool("invert", false)?;
-        let encoding = self.encoding(params, name)?;
-        let image = self.cx.image(&params.place, name, encoding)?;
-        let channel = self.float_channel(image);
-        // pbrt scales first and inverts then, we the other way round: 1 - s v = (1 - s) 1 + s (1 - v).
-        let split = invert && scale != 1.0;
-        let factor = if split { 1.0 } else { scale };
-        let texture = Texture::Image {
-            image,
-            map,
-            wrap: (wrap, wrap),
-            nearest,
-            invert,
-            scale: [factor; 4],
-        };
-        if !split {
-            return Ok(self.value(texture, float, channel));
+    fn noise(&mut self, class: &str, params: &Params, float: bool) -> Result<Value, Issue> {
+        if float == (class == "marble") {
+            let kind = if float { "spectrum" } else { "float" };
+            return params.fail(format!("texture {class:?} is a {kind} texture in pbrt"));
         }
-        let inverted = self.add_texture(texture);
-        let mix = Texture::Mix {
-            a: ColorTex::Const([1.0; 3]),
-            b: ColorTex::Texture(inverted),
-            amount: FloatTex::Const(scale),
+        let octaves = match class {
+            "windy" => 0,
+            _ => params.count("octaves", 8, 0..=MAX_OCTAVES)?,
         };
-        Ok(self.value(mix, float, channel))
-    }
-
-    /// What a float texture takes from a picture: alpha where there is one, else the mean.
-    fn float_channel(&self, image: ImageId) -> Channel {
-        match self.cx.info(image).map(|info| info.channels) {
-            Some(1) => Channel::R,
-            Some(2 | 4) => Channel::A,
-            _ => Channel::Mean,
-        }
-    }
-
-    fn encoding(&mut self, params: &Params, name: &str) -> Result<Encoding, Issue> {
-        let Some(text) = params.text_opt("encoding")? else {
-            return Ok(Encoding::Auto);
+        let roughness = match class {
+            "windy" => 0.0,
+            _ => params.float("roughness", 0.5)? as f32,
         };
-        let ending = name
-            .rsplit_once('.')
-            .map(|(_, e)| e.to_ascii_lowercase())
-            .unwrap_or_default();
-        if ending != "png" {
-            if text != "sRGB" && matches!(ending.as_str(), "tga" | "jpg" | "jpeg") {
-                self.cx.warn(
-                    &params.place,
-                    format!(
-                        "\"encoding\" has no effect on {ending} pictures, as in pbrt: they are sRGB"
-                    ),
-                );
-            }
-            return Ok(Encoding::Auto);
-        }
-        if let Some(gamma) = text.strip_prefix("gamma ") {
-            return match gamma.trim().parse::<f64>() {
-                Ok(gamma) if (0.01..=100.0).contains(&gamma) => {
-                    Ok(Encoding::GammaMicros(libm::round(gamma * 1e6) as u32))
-                }
-                _ => params.fail(format!("{text:?} is no encoding")),
-            };
-        }
-        match text {
-            "sRGB" => Ok(Encoding::Srgb),
-            "linear" => Ok(Encoding::Linear),
-            other => params.fail(format!(
-                "unknown encoding {other:?}; there are sRGB, linear and \"gamma 2.2\""
-            )),
-        }
-    }
-
-    /// World to texture: the inverse of the matrix at the definition.
-    fn texture_space(&self, params: &Params) -> Result<DAffine3, Issue> {
-        let placed =
-            matrix::affine(&self.graphics.ctm[0]).map_err(|e| Issue::new(&params.place, e))?;
-        Ok(placed.inverse())
-    }
-
-    fn map_2d(&mut self, params: &Params) -> Result<UvMap, Issue> {
-        let (du, dv) = (params.float("udelta", 0.0)?, params.float("vdelta", 0.0)?);
-        match params.text("mapping", "uv")? {
-            "planar" => {
-                let v1 = DVec3::from_array(params.vector("v1", Kind::Vector3, [1.0, 0.0, 0.0])?);
-                let v2 = DVec3::from_array(params.vector("v2", Kind::Vector3, [0.0, 1.0, 0.0])?);
-                // The third row is zero, so that a checkerboard does not become solid.
-                let rows = DMat3::from_cols(v1, v2, DVec3::ZERO).transpose();
-                let plane = DAffine3::from_mat3_translation(rows, DVec3::new(du, dv, 0.0));
-                Ok(UvMap::Planar {
-                    matrix: plane * self.texture_space(params)?,
-                })
-            }
-            mapping => {
-                let (su, sv) = (params.float("uscale", 1.0)?, params.float("vscale", 1.0)?);
-                match mapping {
-                    "uv" => {}
-                    "spherical" | "cylindrical" => {
-                        self.cx.warn(&params.place, format!("mapping {mapping:?} is not supported: the surface's own uv are used"));
-                    }
-                    other => {
-                        return params.fail(format!(
-                            "unknown mapping {other:?}; there are uv and planar"
-                        ));
-                    }
-                }
-                Ok(UvMap::Uv {
-                    set: 0,
-                    matrix: [su, 0.0, du, 0.0, sv, dv],
-                })
-            }
-        }
-    }
-
-    /// The picture of a normal map, which is linear whatever the file says.
-    pub(super) fn normal_map(&mut self, param: &Param) -> Result<TextureId, Issue> {
-        let image = self
-            .cx
-            .image(&param.place, param.text()?, Encoding::Linear)?;
-        Ok(self.add_texture(Texture::Image {
-            image,
-            map: UvMap::default(),
-            wrap: (Wrap::Repeat, Wrap::Repeat),
-            nearest: false,
-            invert: false,
-            scale: [1.0; 4],
-        }))
+        let pattern = match class {
+            "fbm" => NoisePattern::Fbm { octaves, roughness },
+            "wrinkled" => NoisePattern::Wrinkled { octaves, roughness },
+            "windy" => NoisePattern::Windy,
+            _ => NoisePattern::Marble {
+                octaves,
+                roughness,
+                scale: params.float("scale", 1.0)? as f32,
+                variation: params.float("variation", 0.2)? as f32,
+            },
+        };
+        let matrix = self.texture_space(params)?;
+        Ok(self.value(Texture::Noise { matrix, pattern }, float, Channel::R))
     }
 }

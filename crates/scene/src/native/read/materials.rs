@@ -1,8 +1,9 @@
 //! Textures and materials from JSON.
 
-use super::{Reader, json, lookup, map};
+use super::{Reader, json, lookup, map, rows, unit};
 use crate::model::*;
 use crate::native::values::{ColorValue, FloatValue};
+use glam::DVec3;
 
 impl Reader<'_, '_, '_> {
     pub(super) fn image(&mut self, name: &str, pointer: &str) -> Result<ImageId, String> {
@@ -49,6 +50,7 @@ impl Reader<'_, '_, '_> {
                 map: m,
                 wrap,
                 nearest,
+                mip,
                 invert,
                 scale,
             } => Texture::Image {
@@ -56,6 +58,7 @@ impl Reader<'_, '_, '_> {
                 map: map(m),
                 wrap: *wrap,
                 nearest: *nearest,
+                mip: *mip,
                 invert: *invert,
                 scale: *scale,
             },
@@ -82,6 +85,35 @@ impl Reader<'_, '_, '_> {
                 corners: corners.map(|c| c.0),
             },
             json::Texture::VertexColor => Texture::VertexColor,
+            json::Texture::Checkerboard3d { matrix, even, odd } => Texture::Checkerboard3d {
+                matrix: rows(matrix),
+                even: self.color(even)?,
+                odd: self.color(odd)?,
+            },
+            json::Texture::Dots {
+                map: m,
+                inside,
+                outside,
+            } => Texture::Dots {
+                map: map(m),
+                inside: self.color(inside)?,
+                outside: self.color(outside)?,
+            },
+            json::Texture::Noise { matrix, pattern } => Texture::Noise {
+                matrix: rows(matrix),
+                pattern: *pattern,
+            },
+            json::Texture::DirectionMix { a, b, direction } => Texture::DirectionMix {
+                a: self.color(a)?,
+                b: self.color(b)?,
+                direction: unit(DVec3::from_array(*direction))?,
+            },
+            json::Texture::Grey { value } => Texture::Grey {
+                value: self.float(value)?,
+            },
+            json::Texture::UnitMean { texture } => Texture::UnitMean {
+                texture: lookup("texture", texture, &self.textures)?,
+            },
             json::Texture::Threshold { value, at } => Texture::Threshold {
                 value: self.float(value)?,
                 at: *at,

@@ -2,7 +2,7 @@
 
 use super::defaults::{glass, half, no, one_f32, white, zero};
 use super::principled::{Hair, Principled};
-use crate::model::{LafortuneLobe, RoughnessScale, Wrap};
+use crate::model::{LafortuneLobe, MipFilter, NoisePattern, RoughnessScale, Wrap};
 use crate::native::values::{Color, ColorValue, FloatValue};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -22,6 +22,16 @@ pub enum Map {
     },
     /// World position through a matrix of three rows of four.
     Planar {
+        /// World to texture.
+        matrix: [f64; 12],
+    },
+    /// Angles from and about the z axis of texture space.
+    Spherical {
+        /// World to texture.
+        matrix: [f64; 12],
+    },
+    /// Angle about the z axis of texture space, and z.
+    Cylindrical {
         /// World to texture.
         matrix: [f64; 12],
     },
@@ -46,6 +56,10 @@ fn repeat() -> (Wrap, Wrap) {
 fn ones() -> [f32; 4] {
     [1.0; 4]
 }
+/// World to texture where nothing is said.
+fn unmoved() -> [f64; 12] {
+    [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+}
 
 /// A texture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -69,6 +83,9 @@ pub enum Texture {
         /// Nearest pixel instead of bilinear.
         #[serde(default, skip_serializing_if = "no")]
         nearest: bool,
+        /// A pyramid for where pixels of the render cover many of the picture.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        mip: Option<MipFilter>,
         /// 1 - value, before scale.
         #[serde(default, skip_serializing_if = "no")]
         invert: bool,
@@ -116,6 +133,53 @@ pub enum Texture {
     },
     /// Interpolated vertex colour; white where the mesh has none.
     VertexColor,
+    /// Unit cubes.
+    Checkerboard3d {
+        /// World to texture.
+        #[serde(default = "unmoved")]
+        matrix: [f64; 12],
+        /// On even cells.
+        even: ColorValue,
+        /// On odd cells.
+        odd: ColorValue,
+    },
+    /// Dots in about three of eight unit squares.
+    Dots {
+        /// Where.
+        #[serde(default)]
+        map: Map,
+        /// On the dots.
+        inside: ColorValue,
+        /// Between them.
+        outside: ColorValue,
+    },
+    /// Gradient noise in space.
+    Noise {
+        /// World to texture.
+        #[serde(default = "unmoved")]
+        matrix: [f64; 12],
+        /// Which.
+        pattern: NoisePattern,
+    },
+    /// Two textures by how the surface faces a direction.
+    DirectionMix {
+        /// Where the surface faces the direction.
+        a: ColorValue,
+        /// Where it is at right angles to it.
+        b: ColorValue,
+        /// In the world.
+        direction: [f64; 3],
+    },
+    /// A number as a grey.
+    Grey {
+        /// The number.
+        value: FloatValue,
+    },
+    /// A picture divided by the mean luminance of its pixels.
+    UnitMean {
+        /// The name of an image texture.
+        texture: String,
+    },
     /// 1 where a number is at least a bound, else 0.
     Threshold {
         /// What is compared.

@@ -1,6 +1,6 @@
 //! Textures and materials to JSON.
 
-use super::{WriteError, Writer, color, float, json, map, texture_name};
+use super::{WriteError, Writer, color, float, json, map, rows, texture_name};
 use crate::model::*;
 use crate::native::values::Color;
 
@@ -92,6 +92,7 @@ impl Writer<'_> {
                 map: m,
                 wrap,
                 nearest,
+                mip,
                 invert,
                 scale,
             } => json::Texture::Image {
@@ -99,6 +100,7 @@ impl Writer<'_> {
                 map: map(m),
                 wrap: *wrap,
                 nearest: *nearest,
+                mip: *mip,
                 invert: *invert,
                 scale: *scale,
             },
@@ -128,6 +130,35 @@ impl Writer<'_> {
                 corners: corners.map(Color),
             },
             Texture::VertexColor => json::Texture::VertexColor,
+            Texture::Checkerboard3d { matrix, even, odd } => json::Texture::Checkerboard3d {
+                matrix: rows(matrix),
+                even: color(even),
+                odd: color(odd),
+            },
+            Texture::Dots {
+                map: m,
+                inside,
+                outside,
+            } => json::Texture::Dots {
+                map: map(m),
+                inside: color(inside),
+                outside: color(outside),
+            },
+            Texture::Noise { matrix, pattern } => json::Texture::Noise {
+                matrix: rows(matrix),
+                pattern: *pattern,
+            },
+            Texture::DirectionMix { a, b, direction } => json::Texture::DirectionMix {
+                a: color(a),
+                b: color(b),
+                direction: direction.to_array(),
+            },
+            Texture::Grey { value } => json::Texture::Grey {
+                value: float(value),
+            },
+            Texture::UnitMean { texture } => json::Texture::UnitMean {
+                texture: texture_name(*texture),
+            },
             Texture::Threshold { value, at } => json::Texture::Threshold {
                 value: float(value),
                 at: *at,
