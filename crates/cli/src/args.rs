@@ -166,7 +166,7 @@ impl LookArgs {
 /// What to render and how.
 #[derive(Clone, Debug, Args)]
 pub struct SceneArgs {
-    /// A .json, .pbrt, .gltf or .glb file, or a folder or .zip with one in it.
+    /// A .json, .pbrt, .gltf, .glb, .obj or .ply file, or a folder or .zip with one in it.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// When it is done.
@@ -409,7 +409,7 @@ pub struct FetchArgs {
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// A .json, .pbrt, .gltf or .glb file, or a folder or .zip with one in it.
+    /// A .json, .pbrt, .gltf, .glb, .obj or .ply file, or a folder or .zip with one in it.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// Camera and light.
@@ -426,7 +426,7 @@ pub struct CheckArgs {
 /// Arguments of `convert`.
 #[derive(Debug, Args)]
 pub struct ConvertArgs {
-    /// A .json, .pbrt, .gltf or .glb file, or a folder or .zip with one in it.
+    /// A .json, .pbrt, .gltf, .glb, .obj or .ply file, or a folder or .zip with one in it.
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// FILE.json, or a folder that gets scene.json; big arrays and pictures go beside it.

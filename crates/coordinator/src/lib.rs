@@ -125,7 +125,11 @@ impl Coordinator {
         let router = routes::router(self.farm.clone(), self.address.ip().is_loopback());
         let stop = shutdown.clone();
         let farm = self.farm.clone();
-        let server = axum::serve(self.listener, router).with_graceful_shutdown(async move {
+        // Small answers of a long poll must not wait for the acknowledgement of the one before.
+        let listener = axum::serve::ListenerExt::tap_io(self.listener, |socket| {
+            let _ = socket.set_nodelay(true);
+        });
+        let server = axum::serve(listener, router).with_graceful_shutdown(async move {
             stop.cancelled().await;
             // Long polls and event streams end by it.
             farm.shutdown.cancel();

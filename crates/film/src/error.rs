@@ -13,6 +13,10 @@
 //!   most the weighted sum of the standard deviations (equal if the channels vary together, as
 //!   they nearly do under white light).
 //!
+//! The estimate divides by the product of the two means, whose expectation is the square of the
+//! mean: where rare bright samples carry a pixel, its own measured mean rises with the very samples
+//! that are the noise, and would hide them. (A product below zero counts as zero.)
+//!
 //! All of it is addition, multiplication, division and square root of f64 in a fixed order, so that
 //! decisions made from it are the same on every machine.
 
@@ -104,8 +108,9 @@ pub fn tile_errors(tile: &TileFilm) -> Option<TileErrors> {
         let half = tile.plane(HALF).value(i);
         let mean = all as f64 * value / n;
         let weight = 1.0 / (mean * mean + ERROR_EPS);
-        let difference = (all - half) as f64 * value / na - half as f64 * value / nb;
-        halves += difference * difference * half_weight * weight;
+        let (a, b) = ((all - half) as f64 * value / na, half as f64 * value / nb);
+        let half_product = (a * b).max(0.0) + ERROR_EPS;
+        halves += (a - b) * (a - b) * half_weight / half_product;
         let mut deviation = 0.0;
         for c in 0..3 {
             let mean = rgb[c] as f64 * value / n;

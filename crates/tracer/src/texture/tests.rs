@@ -527,6 +527,7 @@ fn equal_pictures_share_their_pixels() {
     let loader = super::image::ImageLoader::default();
     let load = |path: &str, encoding, filtered| {
         let desc = scene::model::ImageDesc {
+            bytes: None,
             path: path.into(),
             encoding,
             missing: false,

@@ -27,6 +27,7 @@ fn plane(light: Light, picture: Vec<u8>, rows: u32) -> (SceneDesc, MemorySource)
     let mut desc = blank(COLUMNS, rows);
     as_points_below(&mut desc, X, 0.0);
     desc.images.push(ImageDesc {
+        bytes: None,
         path: "a.pfm".into(),
         encoding: Encoding::Auto,
         missing: false,
