@@ -5,7 +5,7 @@ mod support;
 use film::checkpoint::SavedTile;
 use film::{
     CheckpointError, ENGINE_VERSION, EngineVersion, Film, Manifest, Merged, Receipt, SampleRange,
-    Square, TileGrid, Unit, decode_tile, encode_tile, encode_unit,
+    Square, TileGrid, Unit, UnitResult, decode_tile, encode_tile, encode_unit,
 };
 use std::collections::BTreeMap;
 use support::unit;
@@ -27,6 +27,11 @@ fn merge(film: &mut Film, tile: u32, begin: u32, end: u32) -> Merged {
             samples,
         },
     );
+    // As a worker of the film's engine version sends it.
+    let one = UnitResult {
+        engine: film.engine(),
+        ..one
+    };
     let bytes = encode_unit(one.unit, &one.buffer, &one.counters, one.engine);
     film.merge(&one, Receipt::of(&bytes, format!("worker-{}", begin % 3)))
         .unwrap()

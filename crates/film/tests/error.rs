@@ -73,9 +73,13 @@ fn both_are_right_for_independent_grey_samples() {
         // Uniform on [0, 2]: mean 1, variance 1/3.
         let exact = (1.0 / 3.0 / spp as f64 / 1.01).sqrt();
         let errors = film.tiles()[0].errors().unwrap();
-        for error in [errors.halves, errors.squares] {
+        // The reciprocal of the product of the halves' means is a little more than that of what it
+        // estimates, the fewer the samples the more: this errs on the safe side.
+        let excess = 1.0 / spp as f64;
+        for (error, excess) in [(errors.halves, excess), (errors.squares, 0.0)] {
+            let ratio = error / exact;
             assert!(
-                (error / exact - 1.0).abs() < 0.04,
+                (0.96..1.04 + excess).contains(&ratio),
                 "{spp}: {error} for {exact}"
             );
         }
