@@ -465,7 +465,7 @@ entry! {
 }
 
 entry! {
-    /// Bounds on what eight clusters of lights can send; see [`cluster::importances`].
+    /// Bounds on what eight clusters of lights can send (`light/cluster.rs`).
     importances, cluster::importances, (cluster: &cluster::Cluster, p: glam::Vec3, n: glam::Vec3) -> [f32; 8]
 }
 

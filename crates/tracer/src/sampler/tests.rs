@@ -175,7 +175,8 @@ fn blocks_of_the_lattice_are_evenly_spaced() {
 #[test]
 fn pairs_of_the_lattice_are_well_spread() {
     let b2 = |x: f64| x * x - x + 1.0 / 6.0;
-    let omega = |x: f64| 1.0 + 2.0 * std::f64::consts::PI.powi(2) * b2(x);
+    let pi = std::f64::consts::PI;
+    let omega = |x: f64| 1.0 + 2.0 * pi * pi * b2(x);
     for (a, b) in [(0, 1), (2, 3), (5, 6), (7, 8)] {
         for m in 2..=12 {
             let n = 1u64 << m;

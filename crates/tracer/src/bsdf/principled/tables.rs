@@ -185,7 +185,7 @@ pub struct Curve {
     pub f0: f32,
     /// E of the curve.
     pub albedo: Albedo,
-    /// Where light is bent into a solid, or out of one that is thinner than its surroundings: see [`Rare`].
+    /// Where light is bent into a solid, or out of one that is thinner than its surroundings (`Rare`).
     pub rare: Option<Rare>,
     /// What facets reflect and transmit together from the denser side of a solid, where total reflection
     /// makes their shares steep.
