@@ -230,7 +230,8 @@ impl Materials {
     }
 
     /// The scattering function at a point seen from `wo`, or `None` where rays pass as if there were no
-    /// surface. `u` picks one of mixed materials.
+    /// surface. `u` picks one of mixed materials. A large function is put into `slot`, so that the
+    /// others stay small to move about.
     #[inline]
     pub fn shade<'s>(
         &'s self,
@@ -238,11 +239,12 @@ impl Materials {
         it: &Interaction,
         wo: Vec3,
         u: f32,
+        slot: &'s mut Option<Principled<'s>>,
     ) -> Option<Shading<'s>> {
         let material = self.resolve(textures, it, u);
         if !material.needs_tangents {
             let frame = Frame::from_normal(it.ns);
-            let bsdf = material.bsdf(textures, it, &frame)?;
+            let bsdf = material.bsdf(textures, it, &frame, slot)?;
             return Some(Shading {
                 bsdf,
                 frame,
@@ -251,7 +253,7 @@ impl Materials {
         }
         let ns = material.perturbed(textures, it, wo);
         let frame = material.turned(textures, it, shading_frame(ns, it.dpdu));
-        let bsdf = material.bsdf(textures, it, &frame)?;
+        let bsdf = material.bsdf(textures, it, &frame, slot)?;
         Some(Shading {
             bsdf,
             frame,
@@ -307,6 +309,7 @@ impl Material {
         textures: &Textures,
         it: &Interaction,
         frame: &Frame,
+        slot: &'s mut Option<Principled<'s>>,
     ) -> Option<Bsdf<'s>> {
         let at = &it.point;
         let color = |t: &model::ColorTex| textures.color(t, at).max(Rgb::ZERO);
@@ -396,7 +399,7 @@ impl Material {
                 albedo(transmittance),
             )),
             BsdfDesc::Interface => return None,
-            BsdfDesc::Principled(p) => self.principled(p, textures, it, frame)?,
+            BsdfDesc::Principled(p) => self.principled(p, textures, it, frame, slot)?,
             BsdfDesc::Hair {
                 color: pigment,
                 ior,
@@ -433,6 +436,7 @@ impl Material {
         textures: &Textures,
         it: &Interaction,
         frame: &Frame,
+        slot: &'s mut Option<Principled<'s>>,
     ) -> Option<Bsdf<'s>> {
         let at = &it.point;
         let float = |t: &FloatTex| textures.float(t, at);
@@ -474,7 +478,9 @@ impl Material {
             },
         };
         let tables = self.tables.as_ref()?;
-        Some(Bsdf::Principled(Principled::new(tables, &params)))
+        Some(Bsdf::Principled(
+            slot.insert(Principled::new(tables, &params)),
+        ))
     }
 
     /// The frame with its first axis along the stretch of the highlight.

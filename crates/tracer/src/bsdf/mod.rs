@@ -113,7 +113,7 @@ pub enum Bsdf<'s> {
     /// Lambert on both sides.
     DiffuseTransmission(DiffuseTransmission),
     /// Everyday surfaces: sheen, coat, metal, glass, translucent and opaque dielectric.
-    Principled(Principled<'s>),
+    Principled(&'s Principled<'s>),
     /// A fibre.
     Hair(Hair),
     /// Nothing comes back.

@@ -69,9 +69,11 @@ fn follow(
     let it = scene.interaction(ray, &hit);
     let wo = -ray.direction;
     let numbers = sampler.bounce(scene.geometry.level);
-    let shading = scene
-        .materials
-        .shade(&scene.geometry.textures, &it, wo, numbers.mix)?;
+    let mut slot = None;
+    let shading =
+        scene
+            .materials
+            .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot)?;
     if !shading.bsdf.is_delta() {
         return None;
     }

@@ -178,9 +178,11 @@ pub fn sample(
         }
         let surface: &Surface = scene.geometry.surface_of(&hit);
         let numbers = sampler.bounce(scene.geometry.level);
-        let Some(shading) = scene
-            .materials
-            .shade(&scene.geometry.textures, &it, wo, numbers.mix)
+        let mut slot = None;
+        let Some(shading) =
+            scene
+                .materials
+                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot)
         else {
             // A border without a surface: on in the same direction. The vertex that the direction left
             // from, and its weight against light sampling, stay as they are.

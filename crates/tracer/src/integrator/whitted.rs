@@ -39,9 +39,10 @@ fn trace(
     let wo = -ray.direction;
     let mut radiance = scene.emitted(&it, wo);
     // A mix has no place in this model: its larger part stands for it.
+    let mut slot = None;
     let Some(shading) = scene
         .materials
-        .shade(&scene.geometry.textures, &it, wo, 0.5)
+        .shade(&scene.geometry.textures, &it, wo, 0.5, &mut slot)
     else {
         first.get_or_insert(First::bare(&it, hit.t));
         return radiance

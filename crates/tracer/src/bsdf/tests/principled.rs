@@ -16,7 +16,7 @@ fn surface(ior: f32, p: PrincipledParams) -> Bsdf<'static> {
         base: Arc::new(Curve::new(ior, p.thin, p.transmission > 0.0 && !p.thin)),
         coat: Arc::new(Curve::new(1.5, false, false)),
     }));
-    Bsdf::Principled(Principled::new(tables, &p))
+    Bsdf::Principled(Box::leak(Box::new(Principled::new(tables, &p))))
 }
 
 const WHITE: PrincipledParams = PrincipledParams {
