@@ -23,7 +23,7 @@ pub mod texture;
 
 pub use accel::SimdLevel;
 pub use prepare::prepare;
-pub use render::{render_sample, render_unit};
+pub use render::render_unit;
 pub use scene::Scene;
 
 use std::sync::OnceLock;

@@ -3,7 +3,7 @@
 use crate::StopFlag;
 use crate::integrator::{debug, direct, path, volpath, whitted};
 use crate::math::Rgb;
-use crate::sampler::Sampler;
+use crate::sampler::{PixelPoints, Sampler};
 use crate::scene::Scene;
 use ::scene::model::Integrator;
 use film::{Counters, LayerSample, SampleBuffer, Unit};
@@ -26,13 +26,19 @@ pub fn render_unit(
             if stop.is_stopped() {
                 return None;
             }
-            let pixel = [tile.x + x, tile.y + y];
+            // A pixel of a crop is named by its place in the whole picture, so that both are the same.
+            let pixel = [
+                tile.x + x + scene.crop_origin[0],
+                tile.y + y + scene.crop_origin[1],
+            ];
+            let mut points = PixelPoints::new(scene.sampler, scene.seed, scene.frame, pixel);
             for index in unit.samples.begin..unit.samples.end {
                 // A sample may be long: look again within a pixel, but not for every sample.
                 if index & 63 == 63 && stop.is_stopped() {
                     return None;
                 }
-                let sample = render_sample(scene, pixel, index, &mut counters);
+                let mut sampler = Sampler::start(&mut points, index);
+                let sample = render_sample(scene, pixel, &mut sampler, &mut counters);
                 counters.samples += 1;
                 if buffer.add(x, y, index, &sample).is_err() {
                     counters.rejected += 1;
@@ -43,21 +49,15 @@ pub fn render_unit(
     Some((buffer, counters))
 }
 
-/// One sample of one pixel.
+/// One sample of one pixel of the whole picture.
 #[inline]
-pub fn render_sample(
+fn render_sample(
     scene: &Scene,
     pixel: [u32; 2],
-    index: u32,
+    sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
-    // A pixel of a crop is named by its place in the whole picture, so that both are the same.
-    let full = [
-        pixel[0] + scene.crop_origin[0],
-        pixel[1] + scene.crop_origin[1],
-    ];
-    let mut sampler = Sampler::start(scene.sampler, scene.seed, scene.frame, full, index);
-    let center = Vec2::new(full[0] as f32 + 0.5, full[1] as f32 + 0.5);
+    let center = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
     let size = Vec2::new(scene.full_size[0] as f32, scene.full_size[1] as f32);
     if let Integrator::Whitted { max_depth } = scene.integrator {
         let ray = scene
@@ -77,22 +77,22 @@ pub fn render_sample(
             };
             finish(
                 scene,
-                volpath::sample(scene, ray, limits, &mut sampler, counters),
+                volpath::sample(scene, ray, limits, sampler, counters),
                 weight,
             )
         }
         Integrator::Path { max_depth } => finish(
             scene,
-            path::sample(scene, ray, *max_depth, &mut sampler, counters),
+            path::sample(scene, ray, *max_depth, sampler, counters),
             weight,
         ),
         Integrator::Direct { max_depth } => finish(
             scene,
-            direct::sample(scene, ray, *max_depth, &mut sampler, counters),
+            direct::sample(scene, ray, *max_depth, sampler, counters),
             weight,
         ),
         view => {
-            let mut sample = debug::sample(scene, view, ray, &mut sampler, counters);
+            let mut sample = debug::sample(scene, view, ray, sampler, counters);
             sample.beauty = sample.beauty.map(|c| c * weight);
             sample
         }

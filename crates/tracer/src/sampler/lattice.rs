@@ -30,38 +30,50 @@ pub(super) const VECTOR: [u32; CAMERA + EVENT] = [
     123_475, 82_281, 610_741, 950_993, 743_073, 385_157, 439_659, 30_473, // event
 ];
 
+/// What tells one event of a pixel from another: the same for all samples.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Keys {
+    /// Order of the points.
+    order: u32,
+    /// Shift of each dimension.
+    shift: [u32; EVENT],
+}
+
+impl Keys {
+    /// From the hash of seed, frame, pixel and dimension.
+    pub fn new(key: u64) -> Keys {
+        let mut shift = [0; EVENT];
+        for j in 0..EVENT / 2 {
+            let both = hash::mix(key ^ (j as u64 + 1) << 56);
+            shift[2 * j] = both as u32;
+            shift[2 * j + 1] = (both >> 32) as u32;
+        }
+        Keys {
+            order: key as u32,
+            shift,
+        }
+    }
+}
+
 /// Numbers of the camera. `reversed` is the sample index with its bits in reverse order.
 #[inline(always)]
-pub fn camera(reversed: u32, key: u64) -> [f32; CAMERA] {
-    let shift = shifts(key);
-    std::array::from_fn(|j| point(reversed, VECTOR[j], shift[j]))
+pub fn camera(reversed: u32, keys: &Keys) -> [f32; CAMERA] {
+    std::array::from_fn(|j| point(reversed, VECTOR[j], keys.shift[j]))
 }
 
 /// Numbers of a scattering event; `joint` with those of the camera.
 #[inline(always)]
-pub fn event(reversed: u32, key: u64, joint: bool) -> [f32; EVENT] {
+pub fn event(reversed: u32, keys: &Keys, joint: bool) -> [f32; EVENT] {
     let phi = if joint {
         reversed
     } else {
-        owen(reversed, key as u32)
+        owen(reversed, keys.order)
     };
-    let shift = shifts(key);
-    std::array::from_fn(|j| point(phi, VECTOR[CAMERA + j], shift[j]))
+    std::array::from_fn(|j| point(phi, VECTOR[CAMERA + j], keys.shift[j]))
 }
 
 /// Coordinate of a lattice point.
 #[inline(always)]
 pub(super) fn point(phi: u32, z: u32, shift: u32) -> f32 {
     to_unit(phi.wrapping_mul(z).wrapping_add(shift))
-}
-
-#[inline(always)]
-fn shifts(key: u64) -> [u32; 8] {
-    let mut out = [0; 8];
-    for j in 0..4 {
-        let both = hash::mix(key ^ (j as u64 + 1) << 56);
-        out[2 * j] = both as u32;
-        out[2 * j + 1] = (both >> 32) as u32;
-    }
-    out
 }

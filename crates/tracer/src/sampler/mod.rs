@@ -12,12 +12,61 @@ use scene::model::SamplerKind;
 /// Pairs that the camera and each scattering event take.
 const DIMENSIONS_OF_EVENT: u32 = 4;
 
-/// The numbers of one camera sample, handed out dimension by dimension.
-#[derive(Clone, Copy, Debug)]
-pub struct Sampler {
+/// Events whose keys a pixel keeps: more than most paths have.
+const EVENTS_KEPT: usize = 16;
+
+/// What all samples of one pixel have in common: a pure function of seed, frame and pixel, part of which
+/// is worked out when it is first asked for.
+#[derive(Clone, Debug)]
+pub struct PixelPoints {
     kind: SamplerKind,
     /// Hash of seed, frame and pixel.
     key: u64,
+    /// Keys of the first events; the last place is for any event beyond them.
+    events: [lattice::Keys; EVENTS_KEPT + 1],
+    /// Bit i: keys of event i are there.
+    known: u32,
+}
+
+impl PixelPoints {
+    /// Of a pixel of a frame.
+    pub fn new(kind: SamplerKind, seed: u64, frame: u32, pixel: [u32; 2]) -> PixelPoints {
+        let place = (pixel[0] as u64) << 32 | pixel[1] as u64;
+        PixelPoints {
+            kind,
+            key: hash::mix(hash::mix(seed ^ (frame as u64) << 40) ^ place),
+            events: [lattice::Keys::default(); EVENTS_KEPT + 1],
+            known: 0,
+        }
+    }
+
+    /// Keys of the event that begins at a dimension.
+    #[inline(always)]
+    fn event(&mut self, dimension: u32) -> &lattice::Keys {
+        let place = (dimension / DIMENSIONS_OF_EVENT) as usize;
+        if place < EVENTS_KEPT && dimension.is_multiple_of(DIMENSIONS_OF_EVENT) {
+            if self.known & 1 << place == 0 {
+                self.fill(place, dimension);
+                self.known |= 1 << place;
+            }
+            &self.events[place]
+        } else {
+            self.fill(EVENTS_KEPT, dimension);
+            &self.events[EVENTS_KEPT]
+        }
+    }
+
+    #[cold]
+    fn fill(&mut self, place: usize, dimension: u32) {
+        let key = hash::mix(self.key ^ (dimension as u64) << 32);
+        self.events[place] = lattice::Keys::new(key);
+    }
+}
+
+/// The numbers of one camera sample, handed out dimension by dimension.
+#[derive(Debug)]
+pub struct Sampler<'p> {
+    pixel: &'p mut PixelPoints,
     index: u32,
     /// Bits of the index reversed: what Owen scrambling works on.
     reversed: u32,
@@ -62,15 +111,12 @@ impl FlightNumbers {
     }
 }
 
-impl Sampler {
+impl Sampler<'_> {
     /// The sampler of one sample of one pixel.
     #[inline]
-    pub fn start(kind: SamplerKind, seed: u64, frame: u32, pixel: [u32; 2], index: u32) -> Sampler {
-        let place = (pixel[0] as u64) << 32 | pixel[1] as u64;
-        let key = hash::mix(hash::mix(seed ^ (frame as u64) << 40) ^ place);
+    pub fn start(pixel: &mut PixelPoints, index: u32) -> Sampler<'_> {
         Sampler {
-            kind,
-            key,
+            pixel,
             index,
             reversed: index.reverse_bits(),
             dimension: 0,
@@ -88,8 +134,8 @@ impl Sampler {
     pub fn next_2d(&mut self) -> Vec2 {
         let dimension = self.dimension;
         self.dimension += 1;
-        let key = hash::mix(self.key ^ (dimension as u64) << 32);
-        match self.kind {
+        let key = hash::mix(self.pixel.key ^ (dimension as u64) << 32);
+        match self.pixel.kind {
             // Single pairs beside the lattice are rare (debug views).
             SamplerKind::Lattice | SamplerKind::OwenSobol => sobol::pair(self.reversed, key),
             SamplerKind::Stratified => stratified(self.index, key),
@@ -103,7 +149,7 @@ impl Sampler {
     /// Four points of the unit square at once: the next four dimensions.
     #[inline]
     fn next_four(&mut self, level: SimdLevel) -> [Vec2; 4] {
-        if self.kind == SamplerKind::OwenSobol {
+        if self.pixel.kind == SamplerKind::OwenSobol {
             let key = self.event_key();
             simd::four_pairs(level, self.reversed, key)
         } else {
@@ -119,7 +165,7 @@ impl Sampler {
     /// Key of an event, past which the dimensions move on.
     #[inline(always)]
     fn event_key(&mut self) -> u64 {
-        let key = hash::mix(self.key ^ (self.dimension as u64) << 32);
+        let key = hash::mix(self.pixel.key ^ (self.dimension as u64) << 32);
         self.dimension += DIMENSIONS_OF_EVENT;
         key
     }
@@ -127,8 +173,10 @@ impl Sampler {
     /// All numbers for a camera ray: point of the pixel's neighbourhood, point of the lens, moment.
     #[inline]
     pub fn camera(&mut self, level: SimdLevel) -> (Vec2, Vec2, f32) {
-        if self.kind == SamplerKind::Lattice {
-            let [fx, fy, lx, ly, time] = lattice::camera(self.reversed, self.event_key());
+        if self.pixel.kind == SamplerKind::Lattice {
+            let [fx, fy, lx, ly, time] =
+                lattice::camera(self.reversed, self.pixel.event(self.dimension));
+            self.dimension += DIMENSIONS_OF_EVENT;
             return (Vec2::new(fx, fy), Vec2::new(lx, ly), time);
         }
         let [film, lens, time, _] = self.next_four(level);
@@ -139,7 +187,7 @@ impl Sampler {
     /// for the first two, hashes of (sample, dimension, count) from then on.
     #[inline]
     pub fn flight(&mut self) -> FlightNumbers {
-        let key = hash::mix(self.key ^ (self.dimension as u64) << 32 ^ 0x666c_6967_6874);
+        let key = hash::mix(self.pixel.key ^ (self.dimension as u64) << 32 ^ 0x666c_6967_6874);
         let first = self.next_2d();
         FlightNumbers {
             first,
@@ -151,11 +199,12 @@ impl Sampler {
     /// All numbers for a scattering event.
     #[inline]
     pub fn bounce(&mut self, level: SimdLevel) -> BounceNumbers {
-        if self.kind == SamplerKind::Lattice {
+        if self.pixel.kind == SamplerKind::Lattice {
             let joint = self.dimension <= DIMENSIONS_OF_EVENT;
-            let key = self.event_key();
+            let keys = self.pixel.event(self.dimension);
+            self.dimension += DIMENSIONS_OF_EVENT;
             let [lx, ly, bx, by, light_choice, lobe, roulette, mix] =
-                lattice::event(self.reversed, key, joint);
+                lattice::event(self.reversed, keys, joint);
             return BounceNumbers {
                 light: Vec2::new(lx, ly),
                 bsdf: Vec2::new(bx, by),
