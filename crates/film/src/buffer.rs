@@ -58,6 +58,12 @@ pub fn luminance_fixed(rgb: [i128; 3]) -> i128 {
     (rgb[0] * 13_933 + rgb[1] * 46_871 + rgb[2] * 4_732) >> 16
 }
 
+/// [`luminance_fixed`] of magnitudes below 2^46.
+#[inline(always)]
+fn luminance_small(rgb: [i64; 3]) -> i64 {
+    (rgb[0] * 13_933 + rgb[1] * 46_871 + rgb[2] * 4_732) >> 16
+}
+
 /// Which half of a pixel's samples an index belongs to, for the error estimate. Both halves of any
 /// aligned block of 2^m samples have 2^(m-1) of them. The mask is the first row of the third Sobol
 /// generator matrix (bits 1, 1, 0 repeated) [Joe08, dimension 3], which would make each half a digital
@@ -172,7 +178,11 @@ impl SampleBuffer {
             sums.normal[c] += fixed::to_bounded(sample.normal[c]);
         }
         if in_second_half(index) {
-            sums.half += luminance_fixed(beauty);
+            sums.half += if beauty.iter().all(|v| v.unsigned_abs() < 1 << 46) {
+                luminance_small(beauty.map(|v| v as i64)) as i128
+            } else {
+                luminance_fixed(beauty)
+            };
         }
         sums.alpha += fixed::to_bounded(sample.alpha);
         if sample.depth < f32::INFINITY {
@@ -184,27 +194,29 @@ impl SampleBuffer {
 }
 
 /// Whether every layer of a sample can be added.
-#[inline]
+#[inline(always)]
 fn check(sample: &LayerSample) -> Result<(), Reject> {
-    let mut value_max = 0.0f32;
-    let mut bounded_max = sample.alpha.abs();
-    let mut poison = 0.0f32; // stays 0 for finite numbers, becomes NaN for anything else
-    for c in 0..3 {
-        value_max = value_max.max(sample.beauty[c].abs());
-        bounded_max = bounded_max
-            .max(sample.albedo[c].abs())
-            .max(sample.normal[c].abs());
-        poison += sample.beauty[c] * 0.0 + sample.albedo[c] * 0.0 + sample.normal[c] * 0.0;
+    // Magnitudes compare as integers, and whatever is not finite is above all others.
+    let bits = |x: f32| x.to_bits() & 0x7FFF_FFFF;
+    let [r, g, b] = sample.beauty.map(bits);
+    let [ar, ag, ab] = sample.albedo.map(bits);
+    let [nx, ny, nz] = sample.normal.map(bits);
+    let value = r.max(g).max(b);
+    let bounded = ar.max(ag).max(ab).max(nx).max(ny).max(nz);
+    let fine = value <= fixed::VALUE_MAX.to_bits()
+        && bounded.max(bits(sample.alpha)) <= fixed::BOUNDED_MAX.to_bits()
+        && (bits(sample.depth) <= fixed::VALUE_MAX.to_bits() || sample.depth == f32::INFINITY);
+    if fine { Ok(()) } else { Err(reason(sample)) }
+}
+
+/// What is wrong with a sample that cannot be added.
+#[cold]
+fn reason(sample: &LayerSample) -> Reject {
+    let layers = [sample.beauty, sample.albedo, sample.normal];
+    let finite = layers.iter().flatten().all(|x| x.is_finite());
+    if finite && sample.alpha.is_finite() && !sample.depth.is_nan() {
+        Reject::OutOfRange
+    } else {
+        Reject::NotFinite
     }
-    poison += sample.alpha * 0.0;
-    if poison.is_nan() || sample.depth.is_nan() {
-        return Err(Reject::NotFinite);
-    }
-    if sample.depth < f32::INFINITY {
-        value_max = value_max.max(sample.depth.abs());
-    }
-    if value_max > fixed::VALUE_MAX || bounded_max > fixed::BOUNDED_MAX {
-        return Err(Reject::OutOfRange);
-    }
-    Ok(())
 }

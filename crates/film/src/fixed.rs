@@ -69,31 +69,37 @@ pub struct Square {
 }
 
 impl Square {
-    /// The square of a value, rounded to the nearest step.
+    /// The square of a value, rounded to the nearest step, ties away from zero. The caller has checked
+    /// that its magnitude is at most [`VALUE_MAX`].
     #[inline(always)]
     pub fn of(value: f32) -> Square {
-        let v = value as f64;
-        let square = v * v; // exact: 24 + 24 bits
-        if square < 1.0 {
-            // Below 1 the scaled square is below 2^64; `as` truncates, so add half a step first.
-            // Adding can only round at 2^53 and above, where the number is a whole one already.
-            let scaled = square * 18_446_744_073_709_551_616.0;
-            let rounded = if scaled < 4_503_599_627_370_496.0 {
-                scaled + 0.5
+        // value = mantissa x 2^(exponent - 150), so its square in steps is mantissa^2 x
+        // 2^(2 exponent - 236).
+        let bits = value.to_bits() & 0x7FFF_FFFF;
+        let exponent = bits >> 23;
+        let mantissa = (bits & 0x007F_FFFF | 0x0080_0000) as u64;
+        let square = mantissa * mantissa;
+        if exponent < 118 {
+            // A subnormal number lands here without its missing first bit mattering.
+            let shift = 236 - 2 * exponent;
+            let fraction = if shift < 64 {
+                (square + (1 << (shift - 1))) >> shift
             } else {
-                scaled
+                0
             };
+            return Square { whole: 0, fraction };
+        }
+        let shift = 2 * (exponent - 118);
+        if shift < 64 {
+            let wide = (square as u128) << shift;
             Square {
-                whole: 0,
-                fraction: rounded as u64,
+                whole: wide >> 64,
+                fraction: wide as u64,
             }
         } else {
-            // 48 significant bits at or above 1: the last place is at least 2^-47, all exact.
-            let whole = square as u128;
-            let fraction = (square - whole as f64) * 18_446_744_073_709_551_616.0;
             Square {
-                whole,
-                fraction: fraction as u64,
+                whole: (square as u128) << (shift - 64),
+                fraction: 0,
             }
         }
     }
