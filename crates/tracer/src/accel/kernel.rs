@@ -7,13 +7,16 @@
 
 use super::Geometry;
 use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, Tree, TriBlock, leaf_kind};
-use super::simd::{Lanes, Simd, Stack};
+use super::simd::{self, Lanes, Simd, Stack};
 use crate::ray::{Hit, NONE, Ray};
 use glam::Vec3;
 
 /// Slack on the far side of a box: the entry and exit distances of a slab are rounded three times
 /// each, as is a triangle's own distance.
 const FAR_SLACK: f32 = 1.000_000_4;
+
+/// The two axes after an axis, in order.
+static OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
 
 /// A ray as the kernel wants it.
 struct Walker<S: Simd> {
@@ -48,7 +51,7 @@ impl<S: Simd> Walker<S> {
         } else {
             2
         };
-        let (kx, ky) = ([1, 2, 0][kz], [2, 0, 1][kz]);
+        let [kx, ky] = OTHERS[kz];
         Walker {
             origin: [S::F8::splat(o[0]), S::F8::splat(o[1]), S::F8::splat(o[2])],
             inverse: [
@@ -82,49 +85,70 @@ pub fn four_pairs<S: Simd>(reversed: u32, key: u64) -> [glam::Vec2; 4] {
     crate::sampler::sobol::four_pairs(reversed, key)
 }
 
+/// What a walk through a tree is about.
+#[derive(Clone, Copy)]
+pub struct Walk<'a> {
+    /// The scene.
+    pub geometry: &'a Geometry,
+    /// World or group.
+    pub tree: &'a Tree,
+    /// Of the group, or [`NONE`].
+    pub instance: u32,
+    /// The ray in the space of the tree.
+    pub origin: Vec3,
+    /// See `origin`.
+    pub direction: Vec3,
+    /// The ray in the world.
+    pub ray: &'a Ray,
+}
+
+impl<'a> Walk<'a> {
+    /// Through the world.
+    #[inline(always)]
+    fn world(geometry: &'a Geometry, ray: &'a Ray) -> Self {
+        Walk {
+            geometry,
+            tree: &geometry.world,
+            instance: NONE,
+            origin: ray.origin,
+            direction: ray.direction,
+            ray,
+        }
+    }
+}
+
 /// Closest hit of a ray with everything.
 #[inline(always)]
 pub fn closest<S: Simd>(geometry: &Geometry, ray: &Ray, hit: &mut Hit) {
-    walk::<S, false, true>(
-        geometry,
-        &geometry.world,
-        NONE,
-        ray.origin,
-        ray.direction,
-        ray,
-        hit,
-    );
+    walk::<S, false>(&Walk::world(geometry, ray), hit);
 }
 
 /// Whether anything is hit before the ray's end.
 #[inline(always)]
 pub fn occluded<S: Simd>(geometry: &Geometry, ray: &Ray) -> bool {
     let mut hit = Hit::none(ray.t_max);
-    walk::<S, true, true>(
-        geometry,
-        &geometry.world,
-        NONE,
-        ray.origin,
-        ray.direction,
-        ray,
-        &mut hit,
-    )
+    walk::<S, true>(&Walk::world(geometry, ray), &mut hit)
+}
+
+/// [`closest`] within a group.
+#[inline(always)]
+pub fn closest_in_group<S: Simd>(group: &Walk, hit: &mut Hit) -> bool {
+    walk::<S, false>(group, hit)
+}
+
+/// [`occluded`] within a group.
+#[inline(always)]
+pub fn occluded_in_group<S: Simd>(group: &Walk, hit: &mut Hit) -> bool {
+    walk::<S, true>(group, hit)
 }
 
 #[inline(always)]
-fn walk<S: Simd, const ANY: bool, const TOP: bool>(
-    geometry: &Geometry,
-    tree: &Tree,
-    instance: u32,
-    origin: Vec3,
-    direction: Vec3,
-    ray: &Ray,
-    hit: &mut Hit,
-) -> bool {
+fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
+    let tree = at.tree;
     if tree.root == EMPTY {
         return false;
     }
-    let walker = Walker::<S>::new(origin, direction);
+    let walker = Walker::<S>::new(at.origin, at.direction);
     let mut stack = Stack::empty();
     let mut word = tree.root;
     loop {
@@ -183,41 +207,15 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
             }
         } else {
             let index = (word & INDEX_MASK) as usize;
-            let kind = leaf_kind(word);
-            let found = if kind == LeafKind::Triangles as u32 {
-                triangles::<S, ANY>(
-                    geometry,
-                    tree,
-                    &tree.blocks[index],
-                    &walker,
-                    instance,
-                    ray,
-                    hit,
-                )
-            } else if kind == LeafKind::Quadric as u32 {
-                quadric::<ANY>(geometry, tree, index, instance, origin, direction, ray, hit)
-            } else if kind == LeafKind::Instance as u32 {
-                if TOP {
-                    let which = tree.instances[index];
-                    let placed = &geometry.instances[which as usize];
-                    let (_, from) = placed.placement.at(ray.time);
-                    walk_group::<S, ANY>(
-                        geometry,
-                        &geometry.groups[placed.group as usize],
-                        which,
-                        from.point(origin),
-                        from.vector(direction),
-                        ray,
-                        hit,
-                    )
-                } else {
-                    false
-                }
-            } else if kind == LeafKind::Curve as u32 {
-                curve::<ANY>(geometry, tree, index, instance, origin, direction, ray, hit)
+            // Whatever is not a block of triangles stays out of this function, which has no register
+            // to spare.
+            let found = if leaf_kind(word) == LeafKind::Triangles as u32 {
+                triangles::<S, ANY>(at, &tree.blocks[index], &walker, hit)
+            } else if leaf_kind(word) == LeafKind::Deforming as u32 {
+                let block = deformed(at, index);
+                triangles::<S, ANY>(at, &block, &walker, hit)
             } else {
-                let block = geometry.deformed_block(tree, tree.deforming[index], ray.time);
-                triangles::<S, ANY>(geometry, tree, &block, &walker, instance, ray, hit)
+                other_leaf::<ANY>(at, word, hit)
             };
             if ANY && found {
                 return true;
@@ -238,28 +236,46 @@ fn walk<S: Simd, const ANY: bool, const TOP: bool>(
     }
 }
 
-/// The same for a group, which holds no instances.
-#[inline(always)]
-fn walk_group<S: Simd, const ANY: bool>(
-    geometry: &Geometry,
-    tree: &Tree,
-    instance: u32,
-    origin: Vec3,
-    direction: Vec3,
-    ray: &Ray,
-    hit: &mut Hit,
-) -> bool {
-    walk::<S, ANY, false>(geometry, tree, instance, origin, direction, ray, hit)
+/// A leaf that holds no triangles; whether it blocks.
+#[inline(never)]
+fn other_leaf<const ANY: bool>(at: &Walk, word: u32, hit: &mut Hit) -> bool {
+    let index = (word & INDEX_MASK) as usize;
+    let kind = leaf_kind(word);
+    if kind == LeafKind::Quadric as u32 {
+        return quadric::<ANY>(at, index, hit);
+    }
+    if kind == LeafKind::Curve as u32 {
+        return curve::<ANY>(at, index, hit);
+    }
+    let instance = at.tree.instances[index];
+    let placed = &at.geometry.instances[instance as usize];
+    let (_, from) = placed.placement.at(at.ray.time);
+    let group = Walk {
+        tree: &at.geometry.groups[placed.group as usize],
+        instance,
+        origin: from.point(at.origin),
+        direction: from.vector(at.direction),
+        ..*at
+    };
+    if ANY {
+        simd::occluded_in_group(at.geometry.level, &group, hit)
+    } else {
+        simd::closest_in_group(at.geometry.level, &group, hit)
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn deformed(at: &Walk, index: usize) -> TriBlock {
+    at.geometry
+        .deformed_block(at.tree, at.tree.deforming[index], at.ray.time)
 }
 
 #[inline(always)]
 fn triangles<S: Simd, const ANY: bool>(
-    geometry: &Geometry,
-    tree: &Tree,
+    at: &Walk,
     block: &TriBlock,
     walker: &Walker<S>,
-    instance: u32,
-    ray: &Ray,
     hit: &mut Hit,
 ) -> bool {
     // Corners relative to the origin, sheared so that the ray runs along z. The same corner gives the
@@ -268,10 +284,10 @@ fn triangles<S: Simd, const ANY: bool>(
     let [ox, oy, oz] = walker.o4;
     let [sx, sy, sz] = walker.shear;
     let corner = |c: usize| {
-        let at = &block.corners[c];
-        let z = S::F4::load(&at[kz]).sub(oz);
-        let x = S::F4::load(&at[kx]).sub(ox).sub(sx.mul(z));
-        let y = S::F4::load(&at[ky]).sub(oy).sub(sy.mul(z));
+        let corner = &block.corners[c];
+        let z = S::F4::load(&corner[kz]).sub(oz);
+        let x = S::F4::load(&corner[kx]).sub(ox).sub(sx.mul(z));
+        let y = S::F4::load(&corner[ky]).sub(oy).sub(sy.mul(z));
         (x, y, z)
     };
     let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (corner(0), corner(1), corner(2));
@@ -296,17 +312,7 @@ fn triangles<S: Simd, const ANY: bool>(
     while mask != 0 {
         let lane = mask.trailing_zeros() as usize & 3;
         mask &= mask - 1;
-        let taken = offer::<ANY>(
-            geometry,
-            tree,
-            instance,
-            block.prims[lane],
-            t[lane],
-            u[lane],
-            v[lane],
-            ray,
-            hit,
-        );
+        let taken = offer::<ANY>(at, block.prims[lane], t[lane], u[lane], v[lane], hit);
         if ANY && taken {
             return true;
         }
@@ -314,68 +320,35 @@ fn triangles<S: Simd, const ANY: bool>(
     false
 }
 
-#[allow(clippy::too_many_arguments)]
 #[inline(always)]
-fn quadric<const ANY: bool>(
-    geometry: &Geometry,
-    tree: &Tree,
-    index: usize,
-    instance: u32,
-    origin: Vec3,
-    direction: Vec3,
-    ray: &Ray,
-    hit: &mut Hit,
-) -> bool {
-    let (shape, prim) = &tree.quadrics[index];
-    let [first, second] = shape.intersect(origin, direction);
+fn quadric<const ANY: bool>(at: &Walk, index: usize, hit: &mut Hit) -> bool {
+    let (shape, prim) = &at.tree.quadrics[index];
+    let [first, second] = shape.intersect(at.origin, at.direction);
     for t in [first, second] {
-        if t > 0.0
-            && t <= hit.t
-            && offer::<ANY>(geometry, tree, instance, *prim, t, 0.0, 0.0, ray, hit)
-        {
+        if t > 0.0 && t <= hit.t && offer::<ANY>(at, *prim, t, 0.0, 0.0, hit) {
             return true;
         }
     }
     false
 }
 
-#[allow(clippy::too_many_arguments)]
 #[cold]
 #[inline(never)]
-fn curve<const ANY: bool>(
-    geometry: &Geometry,
-    tree: &Tree,
-    index: usize,
-    instance: u32,
-    origin: Vec3,
-    direction: Vec3,
-    ray: &Ray,
-    hit: &mut Hit,
-) -> bool {
-    let part = &tree.curves[index];
-    let set = &geometry.curves[part.set as usize];
+fn curve<const ANY: bool>(at: &Walk, index: usize, hit: &mut Hit) -> bool {
+    let part = &at.tree.curves[index];
+    let set = &at.geometry.curves[part.set as usize];
     let piece = &set.pieces[part.piece as usize];
-    match piece.intersect(set.kind, part.range, origin, direction, hit.t) {
-        Some((t, u, v)) => offer::<ANY>(geometry, tree, instance, part.prim, t, u, v, ray, hit),
+    match piece.intersect(set.kind, part.range, at.origin, at.direction, hit.t) {
+        Some((t, u, v)) => offer::<ANY>(at, part.prim, t, u, v, hit),
         None => false,
     }
 }
 
 /// Takes a candidate if it comes before the best so far and its surface is not transparent there.
 /// For occlusion: whether it blocks.
-#[allow(clippy::too_many_arguments)]
 #[inline(always)]
-fn offer<const ANY: bool>(
-    geometry: &Geometry,
-    tree: &Tree,
-    instance: u32,
-    prim: u32,
-    t: f32,
-    u: f32,
-    v: f32,
-    ray: &Ray,
-    hit: &mut Hit,
-) -> bool {
+fn offer<const ANY: bool>(at: &Walk, prim: u32, t: f32, u: f32, v: f32, hit: &mut Hit) -> bool {
+    let instance = at.instance;
     let nearer = if ANY {
         t < hit.t
     } else {
@@ -391,7 +364,7 @@ fn offer<const ANY: bool>(
         u,
         v,
     };
-    if geometry.has_alpha && !geometry.is_solid(tree, &candidate, ray) {
+    if at.geometry.has_alpha && !at.geometry.is_solid(at.tree, &candidate, at.ray) {
         return false;
     }
     *hit = candidate;

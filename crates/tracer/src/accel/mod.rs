@@ -110,9 +110,9 @@ impl Geometry {
                 let (_, from) = self.instances[hit.instance as usize].placement.at(ray.time);
                 (from.point(ray.origin), from.vector(ray.direction))
             };
-            let q = shape.point(origin, direction, hit.t);
-            point.uv = [q.uv; 2];
-            point.n = q.n;
+            let (p, n) = shape.point(origin, direction, hit.t);
+            point.uv = [shape.parameters(p).uv; 2];
+            point.n = n;
         } else {
             let mesh = &self.meshes[surface.mesh as usize];
             point.fill(mesh, at.index, hit.u, hit.v);

@@ -460,13 +460,21 @@ entry! {
     closest, kernel::closest, (geometry: &super::Geometry, ray: &crate::ray::Ray, hit: &mut crate::ray::Hit) -> ()
 }
 entry! {
+    /// Closest hit in a group; see [`kernel::closest_in_group`].
+    closest_in_group, kernel::closest_in_group, (group: &kernel::Walk, hit: &mut crate::ray::Hit) -> bool
+}
+entry! {
+    /// Any hit in a group; see [`kernel::occluded_in_group`].
+    occluded_in_group, kernel::occluded_in_group, (group: &kernel::Walk, hit: &mut crate::ray::Hit) -> bool
+}
+entry! {
     /// Any hit; see [`kernel::occluded`].
     occluded, kernel::occluded, (geometry: &super::Geometry, ray: &crate::ray::Ray) -> bool
 }
 
 entry! {
     /// Bounds on what eight clusters of lights can send (`light/cluster.rs`).
-    importances, cluster::importances, (cluster: &cluster::Cluster, p: glam::Vec3, n: glam::Vec3) -> [f32; 8]
+    importances, cluster::importances, (cluster: &cluster::Cluster, p: glam::Vec3, aim: cluster::Aim) -> [f32; 8]
 }
 
 /// Nodes that a traversal still has to visit, with the distance at which a ray enters them. The
