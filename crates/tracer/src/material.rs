@@ -3,10 +3,11 @@
 use crate::bsdf::{
     self, Bsdf, BsdfSample, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Curve,
     Dielectric, Diffuse, DiffuseTransmission, Facets, Hair, Lafortune, LobeParam, Mirror,
-    OrenNayar, Phong, Principled, PrincipledParams, PrincipledTables, ThinDielectric,
+    OrenNayar, Phong, Principled, PrincipledParams, PrincipledTables, Reach, ThinDielectric,
 };
 use crate::geometry::Interaction;
 use crate::geometry::interaction::shading_frame;
+use crate::light::Aim;
 use crate::math::{self, Frame, Rgb};
 use crate::texture::Textures;
 use glam::{Vec2, Vec3};
@@ -20,6 +21,8 @@ use std::sync::Arc;
 /// A material ready for use.
 pub struct Material {
     desc: BsdfDesc,
+    /// The scattering function, where it is the same at every point.
+    constant: Option<Bsdf<'static>>,
     normal_map: Option<(usize, f32)>,
     bump_map: Option<FloatTex>,
     /// Tables over the coat's width: one if that is constant, else one for each of [`COAT_WIDTHS`].
@@ -27,6 +30,8 @@ pub struct Material {
     lobes: Vec<LobeParam>,
     /// Of a principled surface.
     tables: Option<PrincipledTables>,
+    /// The surface's texture coordinates or colours matter.
+    pub needs_coordinates: bool,
     /// The surface's tangents matter.
     pub needs_tangents: bool,
     /// Some texture makes use of what a pixel covers.
@@ -78,8 +83,12 @@ impl Material {
             _ => {}
         }
         let mapped = desc.normal_map.is_some() || desc.bump_map.is_some();
+        let constant = constant(&desc.bsdf);
+        let varies = constant.is_none() || anisotropic || mapped;
         Material {
             desc: desc.bsdf.clone(),
+            needs_coordinates: varies,
+            constant,
             normal_map: desc.normal_map.map(|(t, s)| (t.index(), s)),
             bump_map: desc.bump_map,
             coats,
@@ -87,9 +96,52 @@ impl Material {
             tables: None,
             needs_tangents: anisotropic || mapped,
             // Which of them the material refers to is not worth finding out.
-            needs_footprint: textures.any_footprint(),
+            needs_footprint: varies && textures.any_footprint(),
         }
     }
+}
+
+/// The scattering function of a description that refers to no texture and to no table.
+fn constant(desc: &BsdfDesc) -> Option<Bsdf<'static>> {
+    let color = |t: &model::ColorTex| match t {
+        model::ColorTex::Const(c) => Some(Rgb::from_array(*c).max(Rgb::ZERO)),
+        _ => None,
+    };
+    let albedo = |t: &model::ColorTex| color(t).map(|c| c.min(Rgb::ONE));
+    let float = |t: &FloatTex| match t {
+        FloatTex::Const(x) => Some(*x),
+        _ => None,
+    };
+    let alpha = |r: &Roughness| {
+        let (u, v) = (float(&r.u)?, float(&r.v)?);
+        Some((width(u, r.scale), width(v, r.scale)))
+    };
+    Some(match desc {
+        BsdfDesc::Diffuse { reflectance } => Bsdf::Diffuse(Diffuse::new(albedo(reflectance)?)),
+        BsdfDesc::OrenNayar { reflectance, sigma } => {
+            Bsdf::OrenNayar(OrenNayar::new(albedo(reflectance)?, float(sigma)?))
+        }
+        BsdfDesc::Mirror { reflectance } => Bsdf::Mirror(Mirror::new(albedo(reflectance)?)),
+        BsdfDesc::Dielectric {
+            ior,
+            roughness,
+            reflect_tint,
+            transmit_tint,
+        } => {
+            let (ax, ay) = alpha(roughness)?;
+            let tints = (color(reflect_tint)?, color(transmit_tint)?);
+            Bsdf::Dielectric(Dielectric::new(*ior, ax, ay, tints.0, tints.1))
+        }
+        BsdfDesc::Conductor { fresnel, roughness } => {
+            let (ax, ay) = alpha(roughness)?;
+            let (eta, k) = match fresnel {
+                ConductorFresnel::EtaK { eta, k } => (color(eta)?, color(k)?),
+                ConductorFresnel::Reflectance(r) => bsdf::conductor_k_from_reflectance(albedo(r)?),
+            };
+            Bsdf::Conductor(Conductor::new(eta, k, ax, ay))
+        }
+        _ => return None,
+    })
 }
 
 fn coat_tables(coat: &Coat) -> Vec<CoatTable> {
@@ -131,11 +183,22 @@ pub struct Materials {
     pub list: Vec<Material>,
 }
 
+/// Where a scattering function lives that is made for one point: the caller has room for it, so that
+/// nothing large is moved about.
+#[derive(Default)]
+pub struct Slots<'s> {
+    bsdf: Slot<Bsdf<'s>>,
+    principled: Slot<Principled<'s>>,
+}
+
+/// Room that is filled at most once.
+type Slot<T> = std::cell::OnceCell<T>;
+
 /// A scattering function in its shading frame.
 #[derive(Clone, Copy)]
 pub struct Shading<'s> {
     /// Scattering, in the frame.
-    pub bsdf: Bsdf<'s>,
+    pub bsdf: &'s Bsdf<'s>,
     /// World to local and back.
     pub frame: Frame,
     /// Where a normal or bump map has turned the frame: the unmapped shading normal, in the frame.
@@ -143,6 +206,19 @@ pub struct Shading<'s> {
 }
 
 impl Shading<'_> {
+    /// What lights are chosen for, with `wo` in the frame.
+    #[inline]
+    pub fn aim(&self, wo: Vec3) -> Aim {
+        match self.bsdf.reach() {
+            Reach::Cosine => Aim::cosine(self.frame.n),
+            Reach::Mirrored(narrow) => Aim {
+                axis: self.frame.to_world(Vec3::new(-wo.x, -wo.y, wo.z)),
+                narrow,
+            },
+            Reach::Anywhere => Aim::ANYWHERE,
+        }
+    }
+
     /// [`Bsdf::eval_pdf`] in the frame, with the terminator of mapped normals softened.
     #[inline]
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
@@ -230,8 +306,7 @@ impl Materials {
     }
 
     /// The scattering function at a point seen from `wo`, or `None` where rays pass as if there were no
-    /// surface. `u` picks one of mixed materials. A large function is put into `slot`, so that the
-    /// others stay small to move about.
+    /// surface. `u` picks one of mixed materials; `slots` are fresh ones.
     #[inline]
     pub fn shade<'s>(
         &'s self,
@@ -239,25 +314,39 @@ impl Materials {
         it: &Interaction,
         wo: Vec3,
         u: f32,
-        slot: &'s mut Option<Principled<'s>>,
+        slots: &'s Slots<'s>,
     ) -> Option<Shading<'s>> {
-        let material = self.resolve(textures, it, u);
-        if !material.needs_tangents {
-            let frame = Frame::from_normal(it.ns);
-            let bsdf = material.bsdf(textures, it, &frame, slot)?;
+        let mut material = &self.list[it.material as usize];
+        if let (Some(bsdf), false) = (&material.constant, material.needs_tangents) {
             return Some(Shading {
                 bsdf,
-                frame,
+                frame: Frame::from_normal(it.ns),
                 unmapped: None,
             });
         }
-        let ns = material.perturbed(textures, it, wo);
-        let frame = material.turned(textures, it, shading_frame(ns, it.dpdu));
-        let bsdf = material.bsdf(textures, it, &frame, slot)?;
+        material = self.resolve(textures, it, u);
+        let mut unmapped = None;
+        let frame = if material.needs_tangents {
+            let ns = material.perturbed(textures, it, wo);
+            let frame = material.turned(textures, it, shading_frame(ns, it.dpdu));
+            if ns != it.ns {
+                unmapped = Some(frame.to_local(it.ns));
+            }
+            frame
+        } else {
+            Frame::from_normal(it.ns)
+        };
+        let bsdf = match &material.constant {
+            Some(bsdf) => bsdf,
+            None => {
+                let bsdf = material.bsdf(textures, it, &frame, &slots.principled)?;
+                slots.bsdf.get_or_init(|| bsdf)
+            }
+        };
         Some(Shading {
             bsdf,
             frame,
-            unmapped: (ns != it.ns).then(|| frame.to_local(it.ns)),
+            unmapped,
         })
     }
 
@@ -289,6 +378,13 @@ impl Materials {
         }
     }
 
+    /// Asks for texture coordinates everywhere: somebody wants to look at them.
+    pub fn show_coordinates(&mut self) {
+        for material in &mut self.list {
+            material.needs_coordinates = true;
+        }
+    }
+
     /// Whether a surface of this material needs tangents or footprints, whatever a mix picks.
     fn propagate_needs(&mut self) {
         for i in 0..self.list.len() {
@@ -303,13 +399,12 @@ impl Materials {
 }
 
 impl Material {
-    #[inline]
     fn bsdf<'s>(
         &'s self,
         textures: &Textures,
         it: &Interaction,
         frame: &Frame,
-        slot: &'s mut Option<Principled<'s>>,
+        slot: &'s Slot<Principled<'s>>,
     ) -> Option<Bsdf<'s>> {
         let at = &it.point;
         let color = |t: &model::ColorTex| textures.color(t, at).max(Rgb::ZERO);
@@ -436,7 +531,7 @@ impl Material {
         textures: &Textures,
         it: &Interaction,
         frame: &Frame,
-        slot: &'s mut Option<Principled<'s>>,
+        slot: &'s Slot<Principled<'s>>,
     ) -> Option<Bsdf<'s>> {
         let at = &it.point;
         let float = |t: &FloatTex| textures.float(t, at);
@@ -479,7 +574,7 @@ impl Material {
         };
         let tables = self.tables.as_ref()?;
         Some(Bsdf::Principled(
-            slot.insert(Principled::new(tables, &params)),
+            slot.get_or_init(|| Principled::new(tables, &params)),
         ))
     }
 

@@ -4,6 +4,7 @@ use crate::accel::Geometry;
 use crate::camera::filter::FilterSampler;
 use crate::camera::{Camera, PixelView};
 use crate::geometry::Interaction;
+use crate::geometry::interaction::Needs;
 use crate::light::{Light, Lights};
 use crate::material::Materials;
 use crate::math::Rgb;
@@ -82,21 +83,25 @@ impl Scene {
     /// Everything about the point of a hit.
     #[inline]
     pub fn interaction(&self, ray: &Ray, hit: &Hit) -> Interaction {
-        let materials = &self.materials.list;
-        let mut it = Interaction::new(
-            &self.geometry,
-            &self.lights.light_of,
-            ray,
-            hit,
-            |material| {
-                let material = &materials[material as usize];
-                material.needs_tangents || material.needs_footprint
-            },
-        );
-        if materials[it.material as usize].needs_footprint {
-            self.view.cover(&mut it, ray);
-        }
+        let mut it = Interaction::NONE;
+        self.find(ray, hit, &mut it);
         it
+    }
+
+    /// [`Scene::interaction`] in place.
+    #[inline(always)]
+    pub fn find(&self, ray: &Ray, hit: &Hit, it: &mut Interaction) {
+        let materials = &self.materials.list;
+        it.find(&self.geometry, &self.lights.light_of, ray, hit, |surface| {
+            let material = &materials[surface.material as usize];
+            Needs {
+                coordinates: material.needs_coordinates || surface.shines(),
+                tangents: material.needs_tangents || material.needs_footprint,
+            }
+        });
+        if materials[it.material as usize].needs_footprint {
+            self.view.cover(it, ray);
+        }
     }
 
     /// Radiance that a surface gives off towards `wo`.

@@ -39,6 +39,11 @@ pub struct CoatedConductor<'s> {
 }
 
 impl<'s> CoatedConductor<'s> {
+    #[inline]
+    pub(super) fn narrowness(&self) -> u32 {
+        self.base.narrowness()
+    }
+
     /// With the metal's optical constants as in air (they are divided by the layer's index here) and its
     /// widths, and the layer with the widths of its boundary; `coat` should have been made with about
     /// the same.

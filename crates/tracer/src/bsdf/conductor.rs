@@ -31,6 +31,11 @@ impl Conductor {
     }
 
     #[inline]
+    pub(super) fn narrowness(&self) -> u32 {
+        self.ggx.narrowness()
+    }
+
+    #[inline]
     pub(super) fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
         let (false, Some((wo, wi))) = (self.is_delta(), above(wo, wi)) else {
             return (Rgb::ZERO, 0.0);

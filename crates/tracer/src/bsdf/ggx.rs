@@ -20,6 +20,9 @@ pub struct Ggx {
     ay: f32,
 }
 
+/// Most squarings of [`Ggx::narrowness`].
+const NARROWEST: u32 = 9;
+
 impl Ggx {
     /// With the widths alpha.
     #[inline]
@@ -38,6 +41,15 @@ impl Ggx {
     #[inline]
     pub fn is_smooth(&self) -> bool {
         self.ax == 0.0
+    }
+
+    /// How often the cosine to the mirrored direction has to be squared to fall about as fast as the
+    /// reflected lobe: that is e^(-x^2 / (4 alpha^2)) for small angles x, and cos^n x is e^(-n x^2 / 2).
+    #[inline]
+    pub(super) fn narrowness(&self) -> u32 {
+        let power = 0.5 / (self.ax * self.ay);
+        // The exponent of a float is its logarithm, rounded down.
+        (power.to_bits() >> 23).saturating_sub(127).min(NARROWEST)
     }
 
     /// The same distribution with both variances of slope added to: widths sqrt(s alpha^2 + t^2).

@@ -87,6 +87,18 @@ impl BsdfSample {
     }
 }
 
+/// Which lights matter to a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// Light counts by the cosine to the normal.
+    Cosine,
+    /// All lobes lie about the mirrored view; how often its cosine has to be squared to fall as they
+    /// do.
+    Mirrored(u32),
+    /// Light may come from either side.
+    Anywhere,
+}
+
 /// How a surface scatters at one point. `'s` is the scene that holds the tables.
 #[derive(Clone, Copy, Debug)]
 pub enum Bsdf<'s> {
@@ -185,6 +197,18 @@ impl Bsdf<'_> {
             Bsdf::CoatedConductor(b) => b.is_delta(),
             Bsdf::Principled(b) => b.is_delta(),
             _ => false,
+        }
+    }
+
+    /// What lights are best chosen by.
+    #[inline]
+    pub fn reach(&self) -> Reach {
+        match self {
+            Bsdf::Conductor(b) => Reach::Mirrored(b.narrowness()),
+            Bsdf::CoatedConductor(b) => Reach::Mirrored(b.narrowness()),
+            Bsdf::Principled(b) => b.reach(),
+            Bsdf::Dielectric(_) | Bsdf::Hair(_) => Reach::Anywhere,
+            _ => Reach::Cosine,
         }
     }
 

@@ -1,10 +1,21 @@
 //! What is known about the point where a ray hits.
 
 use crate::accel::Geometry;
+use crate::geometry::transform::Affine;
+use crate::geometry::{Surface, TriMesh};
 use crate::math::{self, Frame};
 use crate::ray::{Hit, NONE, Ray};
 use crate::texture::Point;
 use glam::{Vec2, Vec3};
+
+/// What is asked of an [`Interaction`] beyond the place and the normals.
+#[derive(Clone, Copy, Debug)]
+pub struct Needs {
+    /// Texture coordinates and vertex colours.
+    pub coordinates: bool,
+    /// `dpdu` and `dpdv`.
+    pub tangents: bool,
+}
 
 /// A point on a surface, in world space.
 #[derive(Clone, Copy, Debug)]
@@ -27,139 +38,185 @@ pub struct Interaction {
     pub emission: u32,
     /// Index into the lights, or [`NONE`].
     pub light: u32,
-    /// How far `p` may be from the surface beyond the rounding of its own coordinates.
+    /// How far rays start from the surface: safely more than what the rounding of `p`, and of
+    /// intersecting the same surface once more, can amount to.
     pub error: f32,
     /// Seconds.
     pub time: f32,
 }
 
+/// [`Interaction::error`] over the size of the numbers that an intersection is computed from. Those
+/// computations err by up to about eight roundings of 2^-24 (as in [Pbrt4, 6.8]); this is eight times
+/// that.
+const ROUNDING: f32 = 1.0 / 262_144.0;
+
 impl Interaction {
-    /// Works out a hit. `tangents` asks for `dpdu` and `dpdv`.
+    /// Nowhere.
+    pub const NONE: Interaction = Interaction {
+        p: Vec3::ZERO,
+        ng: Vec3::Z,
+        ns: Vec3::Z,
+        dpdu: Vec3::ZERO,
+        dpdv: Vec3::ZERO,
+        point: Point::NONE,
+        material: NONE,
+        emission: NONE,
+        light: NONE,
+        error: 0.0,
+        time: 0.0,
+    };
+
+    /// Works out a hit, in place: this is too large to be handed about. `self` is [`Interaction::NONE`].
     #[inline]
-    pub fn new(
+    pub fn find(
+        &mut self,
         geometry: &Geometry,
         light_of: &[u32],
         ray: &Ray,
         hit: &Hit,
-        tangents: impl Fn(u32) -> bool,
-    ) -> Self {
+        needs: impl Fn(&Surface) -> Needs,
+    ) {
         let tree = geometry.tree(hit.instance);
         let at = tree.prims[hit.prim as usize];
         let surface = &geometry.surfaces[at.surface as usize];
-        let mut point = Point::default();
-        let (mut p, mut ng, mut ns);
-        let (mut dpdu, mut dpdv) = (Vec3::ZERO, Vec3::ZERO);
-        let mut error = 0.0;
+        let needs = needs(surface);
+        self.material = surface.material;
+        self.emission = surface.emission;
+        self.time = ray.time;
+        if surface.mesh != NONE {
+            let mesh = &geometry.meshes[surface.mesh as usize];
+            self.on_triangle(mesh, surface, at.index, hit, needs);
+            if hit.instance != NONE {
+                self.place(
+                    geometry.instances[hit.instance as usize]
+                        .placement
+                        .at(ray.time),
+                );
+            }
+        } else {
+            self.on_other(geometry, surface, at.index, ray, hit, needs);
+        }
+        self.point.p = self.p;
+        self.point.n = self.ng;
+        if surface.first_light != NONE && hit.instance == NONE {
+            let index = if surface.mesh == NONE { 0 } else { at.index };
+            self.light = light_of[(surface.first_light + index) as usize];
+        }
+    }
+
+    #[inline(always)]
+    fn on_triangle(
+        &mut self,
+        mesh: &TriMesh,
+        surface: &Surface,
+        index: u32,
+        hit: &Hit,
+        needs: Needs,
+    ) {
+        let [a, b, c] = if mesh.keys.is_empty() {
+            mesh.corners(index)
+        } else {
+            mesh.corners_at(index, self.time)
+        };
+        let w = 1.0 - hit.u - hit.v;
+        let (e1, e2) = (b - a, c - a);
+        self.p = a * w + b * hit.u + c * hit.v;
+        // The corners are not farther from the origin than this sum.
+        let size = largest(self.p) + largest(e1) + largest(e2);
+        self.error = size * ROUNDING;
+        self.ng = math::normalize(e1.cross(e2));
+        if surface.flip {
+            self.ng = -self.ng;
+        }
+        self.ns = self.ng;
+        if !mesh.normals.is_empty()
+            && let Some([na, nb, nc]) = mesh.normals_at(index, self.time)
+        {
+            let n = na * w + nb * hit.u + nc * hit.v;
+            let length2 = n.dot(n);
+            if length2 > 0.0 {
+                self.ns = n * (1.0 / length2.sqrt());
+                // Vertex normals decide which side is outside.
+                if self.ng.dot(self.ns) < 0.0 {
+                    self.ng = -self.ng;
+                }
+            }
+        }
+        if needs.coordinates {
+            self.point.fill(mesh, index, hit.u, hit.v);
+        }
+        if needs.tangents {
+            (self.dpdu, self.dpdv) = derivatives(mesh, index, [a, b, c], self.ng);
+        }
+    }
+
+    /// Curves, spheres, disks.
+    #[inline(never)]
+    fn on_other(
+        &mut self,
+        geometry: &Geometry,
+        surface: &Surface,
+        index: u32,
+        ray: &Ray,
+        hit: &Hit,
+        needs: Needs,
+    ) {
         let transforms = (hit.instance != NONE).then(|| {
             geometry.instances[hit.instance as usize]
                 .placement
                 .at(ray.time)
         });
+        let (o, d) = match &transforms {
+            None => (ray.origin, ray.direction),
+            Some((_, from)) => (from.point(ray.origin), from.vector(ray.direction)),
+        };
         if surface.curves != NONE {
             let set = &geometry.curves[surface.curves as usize];
-            let d = match &transforms {
-                None => ray.direction,
-                Some((_, from)) => from.vector(ray.direction),
-            };
-            let o = match &transforms {
-                None => ray.origin,
-                Some((_, from)) => from.point(ray.origin),
-            };
-            let q = set.pieces[at.index as usize].point(set.kind, hit.u, hit.v, d);
-            p = o + d * hit.t;
+            let q = set.pieces[index as usize].point(set.kind, hit.u, hit.v, d);
+            self.p = o + d * hit.t;
             // Always the side that the ray sees: curves have no inside.
-            (ng, ns) = (q.n, q.n);
-            point.uv = [q.uv; 2];
-            (dpdu, dpdv) = (q.dpdu, q.dpdv);
+            (self.ng, self.ns) = (q.n, q.n);
+            self.point.uv = [q.uv; 2];
+            (self.dpdu, self.dpdv) = (q.dpdu, q.dpdv);
             // Rays start outside of the strand, which turns towards each of them.
-            error = q.width;
-        } else if surface.mesh == NONE {
-            let (shape, _) = &tree.quadrics[at.index as usize];
-            let (o, d) = match &transforms {
-                None => (ray.origin, ray.direction),
-                Some((_, from)) => (from.point(ray.origin), from.vector(ray.direction)),
-            };
-            let q = shape.point(o, d, hit.t);
-            p = q.p;
-            ng = if surface.flip { -q.n } else { q.n };
-            ns = ng;
-            point.uv = [q.uv; 2];
-            (dpdu, dpdv) = (q.dpdu, q.dpdv);
-            error = (shape.to_parent.t.abs().max_element() + math::length(dpdu)) * 4e-7;
+            self.error = q.width + largest(self.p) * ROUNDING;
         } else {
-            let mesh = &geometry.meshes[surface.mesh as usize];
-            let [a, b, c] = if mesh.keys.is_empty() {
-                mesh.corners(at.index)
-            } else {
-                mesh.corners_at(at.index, ray.time)
-            };
-            let w = 1.0 - hit.u - hit.v;
-            p = a * w + b * hit.u + c * hit.v;
-            ng = math::normalize((b - a).cross(c - a));
-            if surface.flip {
-                ng = -ng;
+            let (shape, _) = &geometry.tree(hit.instance).quadrics[index as usize];
+            let (p, n) = shape.point(o, d, hit.t);
+            self.p = p;
+            self.ng = if surface.flip { -n } else { n };
+            self.ns = self.ng;
+            if needs.coordinates {
+                let q = shape.parameters(p);
+                self.point.uv = [q.uv; 2];
+                (self.dpdu, self.dpdv) = (q.dpdu, q.dpdv);
             }
-            ns = ng;
-            if let Some([na, nb, nc]) = mesh.normals_at(at.index, ray.time) {
-                let n = na * w + nb * hit.u + nc * hit.v;
-                let length2 = n.dot(n);
-                if length2 > 0.0 {
-                    ns = n * (1.0 / length2.sqrt());
-                    // Vertex normals decide which side is outside.
-                    if ng.dot(ns) < 0.0 {
-                        ng = -ng;
-                    }
-                }
-            }
-            point.fill(mesh, at.index, hit.u, hit.v);
-            if tangents(surface.material) {
-                (dpdu, dpdv) = derivatives(mesh, at.index, [a, b, c], ng);
-            }
+            let center = shape.to_parent.t;
+            self.error = (largest(p) + largest(center) + largest(p - center)) * ROUNDING;
         }
-        if let Some((to, from)) = &transforms {
-            p = to.point(p);
-            if surface.curves != NONE {
-                error = math::length(to.vector(dpdv));
-            }
-            error += to.t.abs().max_element().max(p.abs().max_element()) * 4e-7;
-            ng = math::normalize(from.transposed_vector(ng));
-            ns = math::normalize(from.transposed_vector(ns));
-            dpdu = to.vector(dpdu);
-            dpdv = to.vector(dpdv);
+        if let Some(transforms) = transforms {
+            self.place(transforms);
         }
-        point.p = p;
-        point.n = ng;
-        let light = if surface.first_light == NONE || hit.instance != NONE {
-            NONE
-        } else if surface.mesh == NONE {
-            light_of[surface.first_light as usize]
-        } else {
-            light_of[(surface.first_light + at.index) as usize]
-        };
-        Interaction {
-            p,
-            ng,
-            ns,
-            dpdu,
-            dpdv,
-            point,
-            material: surface.material,
-            emission: surface.emission,
-            light,
-            error,
-            time: ray.time,
-        }
+    }
+
+    /// From the space of a group to the world.
+    #[inline]
+    fn place(&mut self, (to, from): (Affine, Affine)) {
+        self.p = to.point(self.p);
+        // Nothing is stretched more than by this sum.
+        let scale =
+            largest(to.vector(Vec3::X)) + largest(to.vector(Vec3::Y)) + largest(to.vector(Vec3::Z));
+        self.error = self.error * scale + (largest(to.t) + largest(self.p)) * ROUNDING;
+        self.ng = math::normalize(from.transposed_vector(self.ng));
+        self.ns = math::normalize(from.transposed_vector(self.ns));
+        self.dpdu = to.vector(self.dpdu);
+        self.dpdv = to.vector(self.dpdv);
     }
 
     /// Where a ray that leaves in direction `w` starts: off the surface, on the side it goes to.
     #[inline]
     pub fn origin_towards(&self, w: Vec3) -> Vec3 {
-        let n = if w.dot(self.ng) < 0.0 {
-            -self.ng
-        } else {
-            self.ng
-        };
-        offset(self.p + n * self.error, n)
+        self.p + self.ng * self.error.copysign(math::dot(w, self.ng))
     }
 
     /// A ray that leaves in direction `w`.
@@ -181,29 +238,17 @@ impl Interaction {
     }
 }
 
-/// Moves a point off a surface by a distance that follows the rounding of its coordinates: some
-/// units in the last place where they are large, a fixed distance near zero [Waechter19].
-#[inline]
-pub fn offset(p: Vec3, n: Vec3) -> Vec3 {
-    let axis = |p: f32, n: f32| {
-        if p.abs() < 1.0 / 32.0 {
-            p + n * (1.0 / 65_536.0)
-        } else {
-            let steps = (n * 256.0) as i32;
-            f32::from_bits((p.to_bits() as i32 + if p < 0.0 { -steps } else { steps }) as u32)
-        }
-    };
-    Vec3::new(axis(p.x, n.x), axis(p.y, n.y), axis(p.z, n.z))
+/// The largest magnitude of a component.
+#[inline(always)]
+fn largest(v: Vec3) -> f32 {
+    let a = v.abs();
+    let b = if a.x > a.y { a.x } else { a.y };
+    if b > a.z { b } else { a.z }
 }
 
 /// Derivatives of the position by the texture coordinates of a triangle; any two directions in the
 /// plane where there are no usable coordinates.
-fn derivatives(
-    mesh: &crate::geometry::TriMesh,
-    triangle: u32,
-    [a, b, c]: [Vec3; 3],
-    ng: Vec3,
-) -> (Vec3, Vec3) {
+fn derivatives(mesh: &TriMesh, triangle: u32, [a, b, c]: [Vec3; 3], ng: Vec3) -> (Vec3, Vec3) {
     let uv = match mesh.uvs.first() {
         Some(set) => mesh.indices[triangle as usize].map(|i| set[i as usize]),
         None => [Vec2::ZERO, Vec2::X, Vec2::ONE],

@@ -14,6 +14,9 @@ pub struct Quadric {
     pub from_parent: Affine,
     /// In local space.
     pub kind: QuadricKind,
+    /// Centre and radius in the space of the tree, where that is a sphere too: no transform is then
+    /// needed to intersect it.
+    round: Option<(Vec3, f32)>,
 }
 
 /// Local shapes.
@@ -35,12 +38,8 @@ pub enum QuadricKind {
     },
 }
 
-/// A point on a quadric, in the space of its tree.
-pub struct QuadricPoint {
-    /// Position, on the surface up to rounding.
-    pub p: Vec3,
-    /// Unit normal, outward (along +Z for a disk, through the transform).
-    pub n: Vec3,
+/// The parameters of a point on a quadric, in the space of its tree.
+pub struct QuadricParameters {
     /// Texture coordinates.
     pub uv: Vec2,
     /// Derivative of the position by u.
@@ -58,28 +57,46 @@ pub(crate) fn sphere_uv(n: Vec3) -> Vec2 {
     Vec2::new(phi * (0.5 / math::PI), theta / math::PI)
 }
 
+/// Where a ray meets a sphere about the origin; see [`Quadric::intersect`]. The discriminant is taken
+/// from the point closest to the centre, which loses fewer digits than b^2 - ac [Haines19].
+#[inline(always)]
+fn sphere(o: Vec3, d: Vec3, radius: f32) -> [f32; 2] {
+    let a = math::dot(d, d);
+    let b = -math::dot(o, d);
+    let c = math::dot(o, o) - radius * radius;
+    let l = o + d * (b / a);
+    let discriminant = radius * radius - math::dot(l, l);
+    if discriminant < 0.0 {
+        return [-1.0; 2];
+    }
+    let q = b + (discriminant * a).sqrt().copysign(b);
+    let (t0, t1) = (c / q, q / a);
+    if t0 < t1 { [t0, t1] } else { [t1, t0] }
+}
+
 impl Quadric {
+    /// With the transform from local to the space of the tree and its inverse.
+    pub fn new(to_parent: Affine, from_parent: Affine, kind: QuadricKind) -> Quadric {
+        let mut quadric = Quadric {
+            to_parent,
+            from_parent,
+            kind,
+            round: None,
+        };
+        quadric.round = quadric.as_round_sphere();
+        quadric
+    }
+
     /// Up to two parameters of intersection, rising; NaN or a negative number where there is none.
     #[inline(always)]
     pub fn intersect(&self, origin: Vec3, direction: Vec3) -> [f32; 2] {
+        if let Some((center, radius)) = self.round {
+            return sphere(origin - center, direction, radius);
+        }
         let o = self.from_parent.point(origin);
         let d = self.from_parent.vector(direction);
         match self.kind {
-            QuadricKind::Sphere { radius } => {
-                // With f = o: |f + t d|^2 = r^2. The discriminant is taken from the point closest to
-                // the centre, which loses fewer digits than b^2 - ac [Haines19].
-                let a = d.dot(d);
-                let b = -o.dot(d);
-                let c = o.dot(o) - radius * radius;
-                let l = o + d * (b / a);
-                let discriminant = radius * radius - l.dot(l);
-                if discriminant < 0.0 {
-                    return [-1.0; 2];
-                }
-                let q = b + (discriminant * a).sqrt().copysign(b);
-                let (t0, t1) = (c / q, q / a);
-                if t0 < t1 { [t0, t1] } else { [t1, t0] }
-            }
+            QuadricKind::Sphere { radius } => sphere(o, d, radius),
             QuadricKind::Disk {
                 radius,
                 inner,
@@ -98,10 +115,32 @@ impl Quadric {
         }
     }
 
-    /// Everything about the point where a ray (in the space of the tree) hits at `t`.
-    pub fn point(&self, origin: Vec3, direction: Vec3, t: f32) -> QuadricPoint {
+    /// Position, on the surface up to rounding, and outward unit normal (along +Z for a disk, through the
+    /// transform) where a ray in the space of the tree hits at `t`.
+    #[inline]
+    pub fn point(&self, origin: Vec3, direction: Vec3, t: f32) -> (Vec3, Vec3) {
+        if let Some((center, radius)) = self.round {
+            let n = math::normalize(origin + direction * t - center);
+            return (center + n * radius, n);
+        }
         let local = self.from_parent.point(origin) + self.from_parent.vector(direction) * t;
-        let (p, n, uv, dpdu, dpdv) = match self.kind {
+        let (p, n) = match self.kind {
+            QuadricKind::Sphere { radius } => {
+                let n = math::normalize(local);
+                (n * radius, n)
+            }
+            QuadricKind::Disk { height, .. } => (Vec3::new(local.x, local.y, height), Vec3::Z),
+        };
+        (
+            self.to_parent.point(p),
+            math::normalize(self.from_parent.transposed_vector(n)),
+        )
+    }
+
+    /// Texture coordinates of the surface point at `p` in the space of the tree, and what they change.
+    pub fn parameters(&self, p: Vec3) -> QuadricParameters {
+        let local = self.from_parent.point(p);
+        let (uv, dpdu, dpdv) = match self.kind {
             QuadricKind::Sphere { radius } => {
                 let n = math::normalize(local);
                 let p = n * radius;
@@ -115,14 +154,10 @@ impl Quadric {
                 };
                 // v runs from the south pole up: d/dtheta with theta from -Z.
                 let dpdv = Vec3::new(-n.z * c, -n.z * s, r) * (radius * math::PI);
-                (p, n, uv, dpdu, dpdv)
+                (uv, dpdu, dpdv)
             }
-            QuadricKind::Disk {
-                radius,
-                inner,
-                height,
-            } => {
-                let p = Vec3::new(local.x, local.y, height);
+            QuadricKind::Disk { radius, inner, .. } => {
+                let p = local;
                 let r = math::safe_sqrt(p.x * p.x + p.y * p.y);
                 let phi = math::atan2(p.y, p.x);
                 let phi = if phi < 0.0 { phi + 2.0 * math::PI } else { phi };
@@ -133,12 +168,10 @@ impl Quadric {
                 } else {
                     Vec3::X
                 };
-                (p, Vec3::Z, uv, dpdu, out * (inner - radius))
+                (uv, dpdu, out * (inner - radius))
             }
         };
-        QuadricPoint {
-            p: self.to_parent.point(p),
-            n: math::normalize(self.from_parent.transposed_vector(n)),
+        QuadricParameters {
             uv,
             dpdu: self.to_parent.vector(dpdu),
             dpdv: self.to_parent.vector(dpdv),

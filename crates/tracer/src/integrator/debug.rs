@@ -2,6 +2,7 @@
 //! their borders are passed where they have no surface.
 
 use super::First;
+use crate::material::Slots;
 use crate::math::Rgb;
 use crate::ray::Ray;
 use crate::sampler::Sampler;
@@ -39,11 +40,10 @@ pub fn sample(
         }
         let wo = -ray.direction;
         let numbers = sampler.bounce(scene.geometry.level);
-        let mut slot = None;
-        let shading =
-            scene
-                .materials
-                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot);
+        let slots = Slots::default();
+        let shading = scene
+            .materials
+            .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots);
         break match shading {
             Some(shading) => (it, First::surface(&it, &shading, wo, depth)),
             None => (it, First::bare(&it, depth)),

@@ -3,6 +3,7 @@
 
 use super::path;
 use super::volpath::{self, Limits};
+use crate::material::Slots;
 use crate::math::Rgb;
 use crate::ray::Ray;
 use crate::sampler::Sampler;
@@ -69,11 +70,10 @@ fn follow(
     let it = scene.interaction(ray, &hit);
     let wo = -ray.direction;
     let numbers = sampler.bounce(scene.geometry.level);
-    let mut slot = None;
-    let shading =
-        scene
-            .materials
-            .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot)?;
+    let slots = Slots::default();
+    let shading = scene
+        .materials
+        .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots)?;
     if !shading.bsdf.is_delta() {
         return None;
     }

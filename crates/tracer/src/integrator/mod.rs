@@ -8,7 +8,7 @@ pub mod volpath;
 pub mod whitted;
 
 use crate::geometry::Interaction;
-use crate::light::{Light, LightSample};
+use crate::light::{Aim, Light, LightSample};
 use crate::material::Shading;
 use crate::math::Rgb;
 use crate::ray::{Hit, NONE, Ray};
@@ -123,12 +123,13 @@ pub(crate) fn sampled_light(
     scene: &Scene,
     it: &Interaction,
     shading: &Shading,
+    aim: Aim,
     wo_local: Vec3,
     u_choice: f32,
     u: Vec2,
     counters: &mut Counters,
 ) -> Rgb {
-    let Some((light, pmf)) = scene.lights.choose(it.p, it.ns, u_choice) else {
+    let Some((light, pmf)) = scene.lights.choose(it.p, aim, u_choice) else {
         return Rgb::ZERO;
     };
     let textures = &scene.geometry.textures;

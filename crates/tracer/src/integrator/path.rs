@@ -2,6 +2,9 @@
 //! [Kajiya86], [Veach95].
 
 use super::{First, PASS_MAX, from_infinity, power_heuristic, sampled_light, sky_alpha};
+use crate::geometry::Interaction;
+use crate::light::Aim;
+use crate::material::Slots;
 use crate::math::Rgb;
 use crate::ray::{NONE, Ray};
 use crate::sampler::Sampler;
@@ -34,7 +37,7 @@ pub fn sample(
     // mirrors and glass, which light sampling cannot reach through.
     let mut last_pdf: Option<f32> = None;
     let mut last_p = ray.origin;
-    let mut last_n = ray.direction;
+    let mut last_aim = Aim::ANYWHERE;
     // Square of the product of relative indices: radiance grows inside glass and shrinks on the way
     // out, which must not decide how long a path lives.
     let mut eta_scale = 1.0f32;
@@ -61,13 +64,14 @@ pub fn sample(
             }
             break;
         }
-        let it = scene.interaction(&ray, &hit);
+        let mut it = Interaction::NONE;
+        scene.find(&ray, &hit, &mut it);
         let wo = -ray.direction;
         let le = scene.emitted(&it, wo);
         if le != Rgb::ZERO {
             let weight = match last_pdf {
                 Some(pdf) if it.light != NONE => {
-                    power_heuristic(pdf, scene.lights.pdf_area(last_p, last_n, &it))
+                    power_heuristic(pdf, scene.lights.pdf_area(last_p, last_aim, &it))
                 }
                 _ => 1.0,
             };
@@ -78,11 +82,11 @@ pub fn sample(
             break;
         }
         let numbers = sampler.bounce(scene.geometry.level);
-        let mut slot = None;
+        let slots = Slots::default();
         let Some(shading) =
             scene
                 .materials
-                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot)
+                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots)
         else {
             // No surface: go on in the same direction. The vertex that the direction left from, and
             // so its weight against light sampling, stay as they are.
@@ -104,11 +108,13 @@ pub fn sample(
         depth += 1;
         counters.bounces += 1;
         let wo_local = shading.frame.to_local(wo);
+        let aim = shading.aim(wo_local);
         if !shading.bsdf.is_delta() {
             let l = sampled_light(
                 scene,
                 &it,
                 &shading,
+                aim,
                 wo_local,
                 numbers.light_choice,
                 numbers.light,
@@ -136,7 +142,7 @@ pub fn sample(
         }
         last_pdf = if s.delta { None } else { Some(s.pdf) };
         last_p = it.p;
-        last_n = it.ns;
+        last_aim = aim;
         ray = it.spawn(shading.frame.to_world(s.wi));
     }
     first.with(radiance)

@@ -10,8 +10,10 @@
 use super::path::{ROULETTE_FACTOR, ROULETTE_FROM, bounded, hidden_sky};
 use super::{First, Passing, sky_alpha};
 use crate::geometry::{Interaction, Surface};
+use crate::light::Aim;
 use crate::light::Light;
 use crate::material::Shading;
+use crate::material::Slots;
 use crate::math::{Rgb, length, mean};
 use crate::medium::track::{self, Carried, Flight, Shadow};
 use crate::medium::{FAR, phase};
@@ -83,7 +85,7 @@ pub fn sample(
     let mut travelled = 0.0;
     // Whether the last direction could have been sampled from lights, and the vertex it left from.
     let mut by_lights = false;
-    let (mut last_p, mut last_n) = (ray.origin, ray.direction);
+    let (mut last_p, mut last_aim) = (ray.origin, Aim::ANYWHERE);
     let mut eta_scale = 1.0f32;
 
     loop {
@@ -143,7 +145,7 @@ pub fn sample(
                     }
                     carried.light = carried.unidirectional / pdf;
                     by_lights = true;
-                    (last_p, last_n) = (p, Vec3::ZERO);
+                    (last_p, last_aim) = (p, Aim::ANYWHERE);
                     ray = Ray::new(p, wi, ray.time);
                     continue;
                 }
@@ -171,18 +173,18 @@ pub fn sample(
         if le != Rgb::ZERO {
             let mut density = carried.unidirectional;
             if by_lights && it.light != NONE {
-                density += carried.light * scene.lights.pdf_area(last_p, last_n, &it);
+                density += carried.light * scene.lights.pdf_area(last_p, last_aim, &it);
             }
             let l = carried.beta * le * (1.0 / mean(density));
             radiance += bounded(scene, l, depth);
         }
         let surface: &Surface = scene.geometry.surface_of(&hit);
         let numbers = sampler.bounce(scene.geometry.level);
-        let mut slot = None;
+        let slots = Slots::default();
         let Some(shading) =
             scene
                 .materials
-                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot)
+                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots)
         else {
             // A border without a surface: on in the same direction. The vertex that the direction left
             // from, and its weight against light sampling, stay as they are.
@@ -236,7 +238,7 @@ pub fn sample(
         }
         by_lights = !s.delta;
         carried.light = carried.unidirectional / s.pdf;
-        (last_p, last_n) = (it.p, it.ns);
+        (last_p, last_aim) = (it.p, shading.aim(wo_local));
         let wi = shading.frame.to_world(s.wi);
         medium = beyond(surface.media, &it, wi, medium);
         ray = it.spawn(wi);
@@ -288,11 +290,13 @@ fn light(
     counters: &mut Counters,
 ) -> Rgb {
     let mut flight = sampler.flight();
-    let (p, n) = match vertex {
-        Vertex::Surface { it, .. } => (it.p, it.ns),
-        Vertex::Medium { p, .. } => (p, Vec3::ZERO),
+    let (p, aim) = match vertex {
+        Vertex::Surface {
+            it, shading, wo, ..
+        } => (it.p, shading.aim(wo)),
+        Vertex::Medium { p, .. } => (p, Aim::ANYWHERE),
     };
-    let Some((light, pmf)) = scene.lights.choose(p, n, numbers.light_choice) else {
+    let Some((light, pmf)) = scene.lights.choose(p, aim, numbers.light_choice) else {
         return Rgb::ZERO;
     };
     let textures = &scene.geometry.textures;

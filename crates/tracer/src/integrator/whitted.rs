@@ -6,6 +6,7 @@ use super::First;
 use crate::geometry::Interaction;
 use crate::light::{AreaShape, Light, LightSample};
 use crate::material::Shading;
+use crate::material::Slots;
 use crate::math::{self, Rgb};
 use crate::ray::Ray;
 use crate::scene::Scene;
@@ -39,10 +40,10 @@ fn trace(
     let wo = -ray.direction;
     let mut radiance = scene.emitted(&it, wo);
     // A mix has no place in this model: its larger part stands for it.
-    let mut slot = None;
+    let slots = Slots::default();
     let Some(shading) = scene
         .materials
-        .shade(&scene.geometry.textures, &it, wo, 0.5, &mut slot)
+        .shade(&scene.geometry.textures, &it, wo, 0.5, &slots)
     else {
         first.get_or_insert(First::bare(&it, hit.t));
         return radiance

@@ -25,10 +25,16 @@ pub struct Emission {
 }
 
 impl Emission {
+    /// Whether the side `cos` > 0 of the geometric normal shines, or the other.
+    #[inline]
+    fn shines(&self, cos: f32) -> bool {
+        cos > 0.0 || (self.two_sided && cos < 0.0)
+    }
+
     /// Radiance at a point on the side `cos` > 0 of the geometric normal, or the other.
     #[inline]
     pub fn le(&self, textures: &Textures, at: &Point, cos: f32) -> Rgb {
-        if cos > 0.0 || (self.two_sided && cos < 0.0) {
+        if self.shines(cos) {
             textures.color(&self.radiance, at) * self.scale
         } else {
             Rgb::ZERO
@@ -192,18 +198,11 @@ impl AreaLight {
         u: Vec2,
     ) -> Option<LightSample> {
         let emission = &emissions[self.emission as usize];
-        let mut point = Point::default();
         let (q, n, pdf_area) = match &self.shape {
             AreaShape::Triangle {
-                p,
-                e1,
-                e2,
-                n,
-                area,
-                uv,
+                p, e1, e2, n, area, ..
             } => {
                 let b = sampling::uniform_triangle(u);
-                point.uv = [uv[0] * (1.0 - b.x - b.y) + uv[1] * b.x + uv[2] * b.y; 2];
                 (*p + *e1 * b.x + *e2 * b.y, *n, 1.0 / area)
             }
             AreaShape::Parallelogram { p, e1, e2, n, area } => {
@@ -217,34 +216,17 @@ impl AreaLight {
                 area,
                 hole,
             } => {
-                let d = sampling::uniform_disk_concentric(u);
-                let r2 = d.dot(d);
-                // Area-preserving push out of the hole.
-                let r = (hole * hole + (1.0 - hole * hole) * r2).sqrt();
-                let d = if r2 > 0.0 {
-                    d * (r / r2.sqrt())
-                } else {
-                    Vec2::new(r, 0.0)
-                };
-                if let ColorTex::Texture(_) = emission.radiance {
-                    point.uv = [disk_uv(d, *hole); 2];
-                }
+                let d = disk_point(u, *hole);
                 (*center + *a * d.x + *b * d.y, *n, 1.0 / area)
             }
             AreaShape::Sphere {
                 center,
                 radius,
                 inward,
-                local,
+                ..
             } => {
                 let (wi, q, n, pdf) = sphere_sample(*center, *radius, *inward, from, u)?;
-                point.p = q;
-                point.n = n;
-                if let Some(local) = local {
-                    let own = math::normalize(local.vector(q - *center));
-                    point.uv = [sphere_uv(own); 2];
-                }
-                let li = emission.le(textures, &point, -n.dot(wi));
+                let li = self.sent(textures, emission, u, q, n, -math::dot(n, wi));
                 return (li != Rgb::ZERO && pdf > 0.0 && pdf < f32::INFINITY).then_some(
                     LightSample {
                         wi,
@@ -257,15 +239,13 @@ impl AreaLight {
             }
         };
         let d = q - from;
-        let distance2 = d.dot(d);
+        let distance2 = math::dot(d, d);
         if distance2 == 0.0 {
             return None;
         }
         let wi = d * (1.0 / distance2.sqrt());
-        let cos = -n.dot(wi);
-        point.p = q;
-        point.n = n;
-        let li = emission.le(textures, &point, cos);
+        let cos = -math::dot(n, wi);
+        let li = self.sent(textures, emission, u, q, n, cos);
         let pdf = pdf_area * distance2 / cos.abs();
         (li != Rgb::ZERO && pdf < f32::INFINITY).then_some(LightSample {
             wi,
@@ -274,6 +254,54 @@ impl AreaLight {
             pdf,
             delta: false,
         })
+    }
+
+    /// Radiance of the point `q` that was sampled with `u`.
+    #[inline(always)]
+    fn sent(
+        &self,
+        textures: &Textures,
+        emission: &Emission,
+        u: Vec2,
+        q: Vec3,
+        n: Vec3,
+        cos: f32,
+    ) -> Rgb {
+        if let ColorTex::Const(radiance) = emission.radiance {
+            return if emission.shines(cos) {
+                Rgb::from_array(radiance) * emission.scale
+            } else {
+                Rgb::ZERO
+            };
+        }
+        self.sent_by_texture(textures, emission, u, q, n, cos)
+    }
+
+    #[inline(never)]
+    fn sent_by_texture(
+        &self,
+        textures: &Textures,
+        emission: &Emission,
+        u: Vec2,
+        q: Vec3,
+        n: Vec3,
+        cos: f32,
+    ) -> Rgb {
+        let mut point = Point {
+            p: q,
+            n,
+            ..Point::default()
+        };
+        point.uv = match &self.shape {
+            AreaShape::Triangle { .. } => [self.uv_at(u); 2],
+            AreaShape::Parallelogram { .. } => point.uv,
+            AreaShape::Disk { hole, .. } => [disk_uv(disk_point(u, *hole), *hole); 2],
+            AreaShape::Sphere { center, local, .. } => match local {
+                Some(local) => [sphere_uv(math::normalize(local.vector(q - *center))); 2],
+                None => point.uv,
+            },
+        };
+        emission.le(textures, &point, cos)
     }
 
     /// Density per solid angle, from `from`, of the point `on` this light.
@@ -305,6 +333,20 @@ fn cone(center: Vec3, radius: f32, from: Vec3) -> Option<f32> {
     let sin2 = r2 / d2;
     let one_minus_cos = sin2 / (1.0 + (1.0 - sin2).sqrt());
     Some(one_minus_cos.max(CONE_MIN))
+}
+
+/// Uniform point of the unit disk without the hole.
+#[inline]
+fn disk_point(u: Vec2, hole: f32) -> Vec2 {
+    let d = sampling::uniform_disk_concentric(u);
+    let r2 = d.dot(d);
+    // Area-preserving push out of the hole.
+    let r = (hole * hole + (1.0 - hole * hole) * r2).sqrt();
+    if r2 > 0.0 {
+        d * (r / r2.sqrt())
+    } else {
+        Vec2::new(r, 0.0)
+    }
 }
 
 /// Texture coordinates of a point of a disk; `d` is in units of the radius.

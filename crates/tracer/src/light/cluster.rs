@@ -4,6 +4,32 @@ use super::tree::LightBounds;
 use crate::accel::simd::{Lanes, Simd};
 use glam::Vec3;
 
+/// What lights are chosen for at a point: light counts by the cosine of its angle to an axis, or by a
+/// power of it, whatever side it comes from.
+#[derive(Clone, Copy, Debug)]
+pub struct Aim {
+    /// Unit length; zero where all directions count alike (in a medium there is no normal).
+    pub axis: Vec3,
+    /// How often the cosine is squared.
+    pub narrow: u32,
+}
+
+impl Aim {
+    /// All directions count alike.
+    pub const ANYWHERE: Aim = Aim {
+        axis: Vec3::ZERO,
+        narrow: 0,
+    };
+    /// What directions far off a narrow axis count at least: a lobe has a tail.
+    const LEAST: f32 = 0.02;
+
+    /// By the cosine to a normal.
+    #[inline]
+    pub fn cosine(axis: Vec3) -> Aim {
+        Aim { axis, narrow: 0 }
+    }
+}
+
 /// What is known of eight clusters of lights.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
@@ -58,44 +84,70 @@ impl Cluster {
 
 /// For each cluster a bound on what its lights can send to a point with a normal, up to a common
 /// factor [ConEstevez18], in the form of [Pbrt4, 12.6.3].
+///
+/// No closure and no `map` over arrays here: they are functions of their own, compiled without the
+/// instructions of the level, and are then not inlined.
 #[inline(always)]
-pub fn importances<S: Simd>(cluster: &Cluster, p: Vec3, n: Vec3) -> [f32; 8] {
+pub fn importances<S: Simd>(cluster: &Cluster, p: Vec3, aim: Aim) -> [f32; 8] {
     let (zero, one) = (S::F8::splat(0.0), S::F8::splat(1.0));
-    let load = |from: &[f32; 8]| S::F8::load(from);
-    let d = [0, 1, 2].map(|k| S::F8::splat(p[k]).sub(load(&cluster.center[k])));
+    let d = [
+        S::F8::splat(p.x).sub(S::F8::load(&cluster.center[0])),
+        S::F8::splat(p.y).sub(S::F8::load(&cluster.center[1])),
+        S::F8::splat(p.z).sub(S::F8::load(&cluster.center[2])),
+    ];
     let distance2 = dot::<S>(d, d).max(S::F8::splat(1e-30));
     let distance = distance2.sqrt();
     let inverse = one.div(distance);
-    let wi = d.map(|x| x.mul(inverse));
+    let wi = [d[0].mul(inverse), d[1].mul(inverse), d[2].mul(inverse)];
     // The cone that the sphere around the box fills; inside of it every direction is possible.
-    let radius = load(&cluster.radius);
+    let radius = S::F8::load(&cluster.radius);
     let sin = radius.mul(inverse);
     let sin_box = distance.select_le(radius, zero, sin);
     let cos_box = distance.select_le(radius, S::F8::splat(-1.0), cosine::<S>(sin));
     // Angle to the nearest normal, as seen from the nearest point of the box.
-    let cos_axis = dot::<S>(wi, [0, 1, 2].map(|k| load(&cluster.axis[k])));
-    let cos_axis = zero.select_le(load(&cluster.sided), cos_axis, cos_axis.abs());
+    let axis = [
+        S::F8::load(&cluster.axis[0]),
+        S::F8::load(&cluster.axis[1]),
+        S::F8::load(&cluster.axis[2]),
+    ];
+    let cos_axis = dot::<S>(wi, axis);
+    let cos_axis = zero.select_le(S::F8::load(&cluster.sided), cos_axis, cos_axis.abs());
     let sin_axis = cosine::<S>(cos_axis);
     let (cos_x, sin_x) = subtract::<S>(
         (cos_axis, sin_axis),
-        (load(&cluster.cos_normals), load(&cluster.sin_normals)),
+        (
+            S::F8::load(&cluster.cos_normals),
+            S::F8::load(&cluster.sin_normals),
+        ),
     );
     let (cos_out, _) = subtract::<S>((cos_x, sin_x), (cos_box, sin_box));
-    // In a medium there is no normal, and all directions count alike.
-    let cos_in = if n == Vec3::ZERO {
+    let Aim { axis, narrow } = aim;
+    let cos_in = if axis == Vec3::ZERO {
         one
     } else {
-        dot::<S>(wi, [n.x, n.y, n.z].map(S::F8::splat)).abs()
+        let axis = [
+            S::F8::splat(axis.x),
+            S::F8::splat(axis.y),
+            S::F8::splat(axis.z),
+        ];
+        let cos = dot::<S>(wi, axis).abs();
+        let (mut cos, _) = subtract::<S>((cos, cosine::<S>(cos)), (cos_box, sin_box));
+        if narrow > 0 {
+            for _ in 0..narrow {
+                cos = cos.mul(cos);
+            }
+            cos = cos.max(S::F8::splat(Aim::LEAST));
+        }
+        cos
     };
-    let (cos_in, _) = subtract::<S>((cos_in, cosine::<S>(cos_in)), (cos_box, sin_box));
     // Lights close to the point must not make the bound infinite.
     let falloff = distance2.max(radius);
-    let bound = load(&cluster.strength)
+    let bound = S::F8::load(&cluster.strength)
         .mul(cos_out)
         .mul(cos_in)
         .div(falloff);
     cos_out
-        .select_le(load(&cluster.cos_emission), zero, bound)
+        .select_le(S::F8::load(&cluster.cos_emission), zero, bound)
         .max(zero)
         .store()
 }

@@ -9,6 +9,7 @@ mod portal;
 mod tree;
 
 pub use area::{AreaLight, AreaShape, Emission};
+pub use cluster::Aim;
 pub use pictured::{Goniometric, Projection};
 
 use crate::accel::SimdLevel;
@@ -139,10 +140,10 @@ impl Lights {
 
     /// A light and its probability, for a point with a normal.
     #[inline]
-    pub fn choose(&self, p: Vec3, n: Vec3, u: f32) -> Option<(&Light, f32)> {
+    pub fn choose(&self, p: Vec3, aim: Aim, u: f32) -> Option<(&Light, f32)> {
         let count = self.infinite.len();
         if count == 0 {
-            let (light, pmf) = self.tree.as_ref()?.sample(p, n, u)?;
+            let (light, pmf) = self.tree.as_ref()?.sample(p, aim, u)?;
             return Some((&self.lights[light as usize], pmf));
         }
         let scaled = u / self.share;
@@ -150,7 +151,7 @@ impl Lights {
         match &self.tree {
             Some(tree) if which >= count => {
                 let rest = (scaled - count as f32).clamp(0.0, crate::math::ONE_MINUS_EPSILON);
-                let (light, pmf) = tree.sample(p, n, rest)?;
+                let (light, pmf) = tree.sample(p, aim, rest)?;
                 Some((&self.lights[light as usize], pmf * self.share))
             }
             _ => Some((
@@ -169,10 +170,10 @@ impl Lights {
     /// Density per solid angle with which a direction from `from` to a point `on` a shining surface
     /// is sampled, the choice of the light included.
     #[inline]
-    pub fn pdf_area(&self, from: Vec3, n: Vec3, on: &Interaction) -> f32 {
+    pub fn pdf_area(&self, from: Vec3, aim: Aim, on: &Interaction) -> f32 {
         match (&self.lights[on.light as usize], &self.tree) {
             (Light::Area(area), Some(tree)) => {
-                tree.pmf(from, n, on.light) * self.share * area.pdf_li(from, on)
+                tree.pmf(from, aim, on.light) * self.share * area.pdf_li(from, on)
             }
             _ => 0.0,
         }

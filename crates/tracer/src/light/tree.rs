@@ -5,7 +5,7 @@
 //! Strength is peak intensity instead of power, so that a lamp that shines one way competes fairly
 //! with one that shines all around.
 
-use super::cluster::Cluster;
+use super::cluster::{Aim, Cluster};
 use crate::accel::simd::{self, SimdLevel};
 use glam::Vec3;
 
@@ -126,7 +126,7 @@ impl LightTree {
 
     /// A light and its probability, for a point with a normal; `None` if no light reaches it.
     #[inline]
-    pub fn sample(&self, p: Vec3, n: Vec3, mut u: f32) -> Option<(u32, f32)> {
+    pub fn sample(&self, p: Vec3, aim: Aim, mut u: f32) -> Option<(u32, f32)> {
         if self.nodes.is_empty() {
             return Some((self.only, 1.0));
         }
@@ -134,11 +134,11 @@ impl LightTree {
         let mut word = 0;
         while word & LEAF == 0 {
             let node = &self.nodes[word as usize];
-            let upper = simd::importances(self.level, &node.upper, p, n);
+            let upper = simd::importances(self.level, &node.upper, p, aim);
             let one = turn(upper[0], upper[1], &mut u, &mut pmf)?;
             let two = one * 2 + turn(upper[2 + one * 2], upper[3 + one * 2], &mut u, &mut pmf)?;
             let three = if node.is_deep {
-                let lower = simd::importances(self.level, &node.lower, p, n);
+                let lower = simd::importances(self.level, &node.lower, p, aim);
                 two * 2 + turn(lower[two * 2], lower[two * 2 + 1], &mut u, &mut pmf)?
             } else {
                 two * 2
@@ -150,7 +150,7 @@ impl LightTree {
 
     /// Probability that [`LightTree::sample`] gives a light.
     #[inline]
-    pub fn pmf(&self, p: Vec3, n: Vec3, light: u32) -> f32 {
+    pub fn pmf(&self, p: Vec3, aim: Aim, light: u32) -> f32 {
         let mut trail = self.trails[light as usize];
         if trail == u64::MAX {
             return 0.0;
@@ -162,14 +162,14 @@ impl LightTree {
         let mut word = 0;
         while word & LEAF == 0 {
             let node = &self.nodes[word as usize];
-            let upper = simd::importances(self.level, &node.upper, p, n);
+            let upper = simd::importances(self.level, &node.upper, p, aim);
             let one = (trail & 1) as usize;
             let two = one * 2 + (trail >> 1 & 1) as usize;
             let three = two * 2 + (trail >> 2 & 1) as usize;
             pmf *= share(upper[0], upper[1], one == 1);
             pmf *= share(upper[2 + one * 2], upper[3 + one * 2], two & 1 == 1);
             if node.is_deep {
-                let lower = simd::importances(self.level, &node.lower, p, n);
+                let lower = simd::importances(self.level, &node.lower, p, aim);
                 pmf *= share(lower[two * 2], lower[two * 2 + 1], three & 1 == 1);
             }
             if pmf <= 0.0 {
@@ -430,14 +430,16 @@ mod tests {
                     0.3,
                     rng.random_range(-1.0..1.0),
                 ));
-                let sum: f64 = (0..count as u32).map(|l| tree.pmf(p, n, l) as f64).sum();
+                let sum: f64 = (0..count as u32)
+                    .map(|l| tree.pmf(p, Aim::cosine(n), l) as f64)
+                    .sum();
                 assert!(sum < 1.0 + 1e-4, "{count} lights at {p}: {sum}");
                 let mut missed = 0;
                 for i in 0..2000 {
-                    if let Some((light, pmf)) = tree.sample(p, n, i as f32 / 2000.0) {
+                    if let Some((light, pmf)) = tree.sample(p, Aim::cosine(n), i as f32 / 2000.0) {
                         assert_eq!(
                             pmf,
-                            tree.pmf(p, n, light),
+                            tree.pmf(p, Aim::cosine(n), light),
                             "light {light} of {count} at {p}"
                         );
                         assert!(pmf > 0.0);
@@ -477,11 +479,11 @@ mod tests {
                     SimdLevel::Scalar,
                     &Cluster::new([Some(*l)].into_iter()),
                     p,
-                    n,
+                    Aim::cosine(n),
                 )[0];
                 if own > 1e-4 * l.strength {
                     assert!(
-                        tree.pmf(p, n, *i) > 0.0,
+                        tree.pmf(p, Aim::cosine(n), *i) > 0.0,
                         "light {i} with bound {own} at {p}"
                     );
                 }

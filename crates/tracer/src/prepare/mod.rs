@@ -80,7 +80,10 @@ fn compile(
         .collect::<Result<_, _>>()?;
     let textures = Textures::new(desc.textures.clone(), images);
 
-    let materials = Materials::new(&desc.materials, &textures);
+    let mut materials = Materials::new(&desc.materials, &textures);
+    if desc.integrator == scene::model::Integrator::Uv {
+        materials.show_coordinates();
+    }
     check_media(desc)?;
     let media = Media::new(desc);
     let placed = trees::build(desc, camera.shutter, stop)?;

@@ -337,11 +337,11 @@ fn tree(plan: &Plan, first_surface: u32, parts: &Parts, placed: &[Item]) -> Tree
         }
         if surface.mesh == NONE {
             let (kind, transform) = quadric(&draft.primitive.shape, draft.transform);
-            let shape = Quadric {
-                to_parent: Affine::new(&transform),
-                from_parent: Affine::new(&transform.inverse()),
+            let shape = Quadric::new(
+                Affine::new(&transform),
+                Affine::new(&transform.inverse()),
                 kind,
-            };
+            );
             let prim = tree.prims.len() as u32;
             tree.prims.push(PrimRef {
                 surface: index,

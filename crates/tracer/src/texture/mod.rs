@@ -40,17 +40,23 @@ pub struct Footprint {
 
 impl Default for Point {
     fn default() -> Self {
-        Point {
-            uv: [Vec2::ZERO; 2],
-            p: Vec3::ZERO,
-            n: Vec3::Z,
-            color: [1.0; 4],
-            footprint: Footprint::default(),
-        }
+        Point::NONE
     }
 }
 
 impl Point {
+    /// Nowhere.
+    pub const NONE: Point = Point {
+        uv: [Vec2::ZERO; 2],
+        p: Vec3::ZERO,
+        n: Vec3::Z,
+        color: [1.0; 4],
+        footprint: Footprint {
+            dp: [Vec3::ZERO; 2],
+            duv: [Vec2::ZERO; 2],
+        },
+    };
+
     /// Interpolates the coordinates and colours of a triangle. Without coordinates the corners have
     /// (0, 0), (1, 0), (1, 1), as in pbrt.
     #[inline]

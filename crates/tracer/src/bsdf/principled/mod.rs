@@ -31,6 +31,7 @@ mod tables;
 
 pub use tables::{Curve, Facets, PrincipledTables};
 
+use super::Reach;
 use super::ggx::Ggx;
 use crate::math::{Rgb, mean, normalize, sqr};
 use glam::Vec3;
@@ -287,6 +288,17 @@ impl<'s> Principled<'s> {
     /// Whether light passes to the other side.
     pub(super) fn transmits(&self) -> bool {
         self.glass() > 0.0 || (self.opaque() > 0.0 && self.passing > 0.0)
+    }
+
+    /// Which lights matter.
+    pub(super) fn reach(&self) -> Reach {
+        if self.transmits() {
+            Reach::Anywhere
+        } else if self.opaque() == 0.0 && self.sheen == Rgb::ZERO {
+            Reach::Mirrored(self.ggx.narrowness())
+        } else {
+            Reach::Cosine
+        }
     }
 
     /// What is transmitted is a delta lobe.
