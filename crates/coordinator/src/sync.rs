@@ -228,7 +228,8 @@ fn lease_next(
         })
         .collect();
     if (*given + 1).is_multiple_of(LONGEST_WAITING_EVERY) {
-        candidates.sort_by_key(|job| job.waiting_since);
+        // Within a millisecond, too, the same one must not always win.
+        candidates.sort_by_key(|job| (job.waiting_since, job.served));
     } else {
         // Higher priority, then first passes, then in turn: whoever was served longest ago.
         candidates.sort_by_key(|job| {
