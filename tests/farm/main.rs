@@ -11,6 +11,7 @@ mod bad_inputs;
 mod bad_workers;
 mod cancel;
 mod command_line;
+mod command_scenes;
 mod containers;
 mod coordinator_restart;
 mod jobs_together;

@@ -119,15 +119,15 @@ pub fn quarantine(farm: &Arc<Farm>, id: Uuid, why: &str) {
     {
         let mut state = farm.state();
         let state = &mut *state;
-        let Some(worker) = state.workers.get_mut(&id) else {
-            return;
-        };
-        if worker.quarantined.is_some() {
-            return;
+        // One that is long gone, or in quarantine already, may still have touched what was taken up
+        // again since.
+        if let Some(worker) = state.workers.get_mut(&id)
+            && worker.quarantined.is_none()
+        {
+            worker.quarantined = Some(why.to_owned());
+            worker.held.clear();
+            tracing::error!(worker.id = %id, reason = why, "a worker is quarantined");
         }
-        worker.quarantined = Some(why.to_owned());
-        worker.held.clear();
-        tracing::error!(worker.id = %id, reason = why, "a worker is quarantined");
         for (job_id, job) in &mut state.jobs {
             if job.record.state.is_final() {
                 continue;
@@ -157,6 +157,7 @@ pub fn quarantine(farm: &Arc<Farm>, id: Uuid, why: &str) {
         }
     }
     farm.wake.notify_waiters();
+    farm.save_worker_later(id);
     for job in touched {
         control::save_later(farm, job);
         farm.tell_job(job);
@@ -164,7 +165,7 @@ pub fn quarantine(farm: &Arc<Farm>, id: Uuid, why: &str) {
 }
 
 /// Has the tiles rendered again that hold results of a worker.
-fn clear_touched(farm: &Arc<Farm>, job: &mut Job, worker: Uuid, now: TimestampMs) -> bool {
+pub fn clear_touched(farm: &Arc<Farm>, job: &mut Job, worker: Uuid, now: TimestampMs) -> bool {
     let before = farm.stores.log.end();
     let frames: Vec<u32> = job.plans.keys().copied().collect();
     let mut count = 0;

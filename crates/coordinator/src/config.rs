@@ -129,6 +129,8 @@ pub struct Limits {
     pub imports: usize,
     /// Event streams open at once.
     pub event_streams: usize,
+    /// Connections open at once.
+    pub connections: usize,
 }
 
 impl Default for Limits {
@@ -147,6 +149,8 @@ impl Default for Limits {
             attempts: 50,
             imports: 2,
             event_streams: 1000,
+            // Two for each worker; a worker has rarely more open.
+            connections: 20_000,
         }
     }
 }
@@ -162,6 +166,8 @@ pub struct Config {
     pub insecure: bool,
     /// How long a lease lives without a heartbeat.
     pub lease_ttl: Duration,
+    /// How long a client may take for the head of a request, and be idle before it.
+    pub header_timeout: Duration,
     /// How often a busy worker is asked to sync.
     pub heartbeat: Duration,
     /// Longest time between checkpoints of a job that changes.
@@ -179,6 +185,7 @@ impl Default for Config {
             tokens: Vec::new(),
             insecure: false,
             lease_ttl: Duration::from_secs(30),
+            header_timeout: Duration::from_secs(30),
             heartbeat: Duration::from_secs(5),
             checkpoint_every: Duration::from_secs(10),
             checkpoint_bytes: 512 << 20,

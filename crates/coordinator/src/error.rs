@@ -193,6 +193,9 @@ impl From<StoreError> for ApiError {
                 tracing::error!(%error, "the store failed");
                 ApiError::new(UNAVAILABLE, "the store does not answer")
             }
+            StoreError::SyncFailed { .. } => {
+                ApiError::new(UNAVAILABLE, "the store is broken; the coordinator ends")
+            }
             StoreError::Damaged { .. } => {
                 tracing::error!(%error, "the store is damaged");
                 ApiError::new(
@@ -216,6 +219,10 @@ impl IntoResponse for ApiError {
         );
         if let Some(after) = self.more.retry_after {
             headers.insert(header::RETRY_AFTER, HeaderValue::from(after.as_secs()));
+        }
+        if status == StatusCode::PAYLOAD_TOO_LARGE {
+            // The rest of the body is not read as another request.
+            headers.insert(header::CONNECTION, HeaderValue::from_static("close"));
         }
         if status == StatusCode::UNAUTHORIZED {
             headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));

@@ -15,14 +15,14 @@ use crate::plan::FramePlan;
 use crate::record::JobRecord;
 use crate::refs::BlobRefs;
 use crate::worker::Worker;
-use crate::{ServeError, checkpoint, status};
+use crate::{ServeError, audit, checkpoint, status};
 use film::{Manifest, Unit};
 use protocol::{Event, JobState, TimestampMs};
 use std::collections::{BTreeMap, HashMap};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use store::{Digest, StoreError, Stores};
-use tokio::sync::{Notify, Semaphore, oneshot};
+use tokio::sync::{Notify, Semaphore, oneshot, watch};
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 use uuid::Uuid;
@@ -77,10 +77,13 @@ pub struct Farm {
     pub tasks: TaskTracker,
     /// Ends everything.
     pub shutdown: CancellationToken,
+    /// Whoever holds it writes a worker's record.
+    pub saving_workers: tokio::sync::Mutex<()>,
     state: Mutex<State>,
     manifests: Mutex<HashMap<(Uuid, u32), Manifest>>,
     tokens: AtomicU64,
     ready: AtomicBool,
+    broken: watch::Sender<Option<StoreError>>,
 }
 
 impl Farm {
@@ -111,13 +114,17 @@ impl Farm {
             owners: TaskTracker::new(),
             tasks: TaskTracker::new(),
             shutdown: CancellationToken::new(),
+            saving_workers: tokio::sync::Mutex::default(),
             state: Mutex::default(),
             manifests: Mutex::default(),
             tokens: AtomicU64::new(1),
             ready: AtomicBool::new(false),
+            broken: watch::Sender::new(None),
             config,
             stores,
         });
+        // Before frames are read: whoever is in quarantine is taken out of them.
+        farm.recover_workers().await?;
         farm.recover().await?;
         farm.ready.store(true, Ordering::Release);
         farm.tasks.spawn(crate::ticker::run(farm.clone()));
@@ -127,6 +134,28 @@ impl Farm {
     /// Whether it takes calls.
     pub fn is_ready(&self) -> bool {
         self.ready.load(Ordering::Acquire) && !self.shutdown.is_cancelled()
+    }
+
+    /// Notes an error after which only a restart helps; the first one counts.
+    pub fn give_up(&self, error: &StoreError) {
+        self.broken.send_if_modified(|broken| {
+            let first = broken.is_none();
+            if first {
+                *broken = Some(error.clone());
+            }
+            first
+        });
+    }
+
+    /// Waits for such an error.
+    pub async fn broken(&self) -> StoreError {
+        let mut broken = self.broken.subscribe();
+        let found = broken.wait_for(Option::is_some).await;
+        match found.ok().and_then(|error| error.clone()) {
+            Some(error) => error,
+            // The sender lives as long as this farm.
+            None => std::future::pending().await,
+        }
     }
 
     /// What is in memory. Nobody waits for anything while holding it.
@@ -389,6 +418,7 @@ impl Farm {
         }
         settle(&mut plan, &film);
         let mut state = self.state();
+        let state = &mut *state;
         let Some(job) = state.jobs.get_mut(&id) else {
             return Ok(());
         };
@@ -398,9 +428,14 @@ impl Farm {
         about.done = false;
         about.stats = stats_of(&film);
         job.last_point = (job.totals().0, job.record.run_seconds);
-        let complete = plan.is_complete();
         job.plans.insert(frame, plan);
         job.dirty = true;
+        // Who was taken out while the frame was not in memory.
+        let untrusted = state.workers.values().filter(|w| w.quarantined.is_some());
+        for worker in untrusted {
+            audit::clear_touched(self, job, worker.id, self.clock.now());
+        }
+        let complete = job.plans.get(&frame).is_some_and(FramePlan::is_complete);
         if complete {
             self.order(job, Order::Review)?;
         }

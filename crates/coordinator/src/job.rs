@@ -70,6 +70,8 @@ pub struct Job {
     pub running_since: Option<TimestampMs>,
     /// Last lease, or when it was queued: who waits longest.
     pub waiting_since: TimestampMs,
+    /// Number of its last lease among all that were given; 0 before the first.
+    pub served: u64,
     /// Tiles that changed since the last event, by frame.
     pub changed: BTreeMap<u32, BTreeSet<u32>>,
     /// Something that people see changed since the last event.
@@ -95,6 +97,7 @@ impl Job {
             clearing: Vec::new(),
             running_since: None,
             waiting_since: record.created_at,
+            served: 0,
             changed: BTreeMap::new(),
             dirty: true,
             last_point: (0, 0.0),
@@ -151,7 +154,9 @@ impl Job {
             && self.record.spec.is_some()
             && (self.plans.values().any(FramePlan::has_ready)
                 || self.may_open()
-                || self.audits.values().any(|a| a.leased.is_none()))
+                || self.audits.iter().any(|(unit, audit)| {
+                    audit.leased.is_none() && self.plans.contains_key(&unit.frame)
+                }))
     }
 
     /// First sample of the unit that would be leased next.
@@ -179,6 +184,8 @@ impl Job {
             .iter()
             .find(|(unit, audit)| {
                 audit.leased.is_none()
+                    // Else its frame is still being read.
+                    && self.plans.contains_key(&unit.frame)
                     && audit.claims.iter().all(|(_, w)| *w != worker)
                     && self.may_have(worker, unit)
             })

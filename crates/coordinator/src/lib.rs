@@ -25,14 +25,18 @@ mod farm;
 mod films;
 mod import;
 mod job;
+mod linger;
 mod metrics;
 mod openapi;
 mod owner;
 mod plan;
 mod record;
 mod refs;
+mod reopen;
 mod results;
+mod roster;
 mod routes;
+mod server;
 mod status;
 mod submit;
 mod sync;
@@ -123,24 +127,26 @@ impl Coordinator {
     /// Serves until `shutdown`, then writes last checkpoints.
     pub async fn run(self, shutdown: CancellationToken) -> Result<(), ServeError> {
         let router = routes::router(self.farm.clone(), self.address.ip().is_loopback());
-        let stop = shutdown.clone();
-        let farm = self.farm.clone();
-        // Small answers of a long poll must not wait for the acknowledgement of the one before.
-        let listener = axum::serve::ListenerExt::tap_io(self.listener, |socket| {
-            let _ = socket.set_nodelay(true);
-        });
-        let server = axum::serve(listener, router).with_graceful_shutdown(async move {
-            stop.cancelled().await;
-            // Long polls and event streams end by it.
-            farm.shutdown.cancel();
-        });
-        let mut serving = std::pin::pin!(async move { server.await });
-        let result = tokio::select! {
-            result = &mut serving => result,
-            () = async { shutdown.cancelled().await; tokio::time::sleep(GRACE).await } => Ok(()),
-        };
+        let stop = shutdown.child_token();
+        let serving = server::serve(self.listener, router, &self.farm.config, stop.clone());
+        tokio::select! {
+            () = serving => {}
+            error = self.farm.broken() => {
+                // No last checkpoints: what the disk holds is unknown, and the next start reads it.
+                tracing::error!(%error, "the store is broken: this process ends");
+                stop.cancel();
+                self.farm.shutdown.cancel();
+                return Err(ServeError::Store(error));
+            }
+            () = async {
+                shutdown.cancelled().await;
+                // Long polls and event streams end by it.
+                self.farm.shutdown.cancel();
+                tokio::time::sleep(GRACE).await;
+            } => {}
+        }
         self.farm.close().await;
-        result.map_err(ServeError::Listen)
+        Ok(())
     }
 }
 

@@ -11,8 +11,8 @@ use film::{SampleRange, StopRule, Unit};
 use std::collections::{BTreeMap, BTreeSet};
 use uuid::Uuid;
 
-/// Samples per pixel at which a job with nothing but a noise target gives up.
-pub const NOISE_SPP_MAX: u32 = 65_536;
+/// Samples per pixel at which a job with nothing but a noise target or a time limit ends.
+pub const OPEN_SPP_MAX: u32 = 65_536;
 
 /// A unit whose bytes are known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! What a job record says: everything about a job that outlives the process.
 
-use crate::plan::NOISE_SPP_MAX;
+use crate::plan::OPEN_SPP_MAX;
 use film::unit::SPP_MAX;
 use film::{StopRule, TileGrid};
 use protocol::{
@@ -240,6 +240,21 @@ impl JobRecord {
         self.log.push(line);
     }
 
+    /// Adds a warning about the job as a whole, once.
+    pub fn warn(&mut self, reason: String) {
+        if self.warnings.iter().any(|known| known.reason == reason) {
+            return;
+        }
+        self.warnings.push(Finding {
+            severity: "warning".into(),
+            file: self.request.scene.clone(),
+            line: None,
+            column: None,
+            pointer: None,
+            reason,
+        });
+    }
+
     /// Notes a point of the history.
     pub fn point(&mut self, point: HistoryPoint) {
         if self.history.len() >= HISTORY_MAX {
@@ -258,8 +273,7 @@ pub fn rule(stop: &Stop, file_spp: Option<u32>) -> StopRule {
     let spp = match (stop.spp, &stop.samples) {
         (Some(spp), _) => spp,
         (None, Some(counts)) => counts.iter().copied().max().unwrap_or(0),
-        (None, None) if stop.time.is_some() => SPP_MAX,
-        (None, None) if stop.noise.is_some() => NOISE_SPP_MAX,
+        (None, None) if is_open(stop) => OPEN_SPP_MAX,
         (None, None) => file_spp.unwrap_or(SPP_DEFAULT),
     };
     StopRule {
@@ -267,6 +281,11 @@ pub fn rule(stop: &Stop, file_spp: Option<u32>) -> StopRule {
         noise: stop.noise,
         samples: stop.samples.clone(),
     }
+}
+
+/// Whether nothing but noise or time ends it.
+pub fn is_open(stop: &Stop) -> bool {
+    stop.spp.is_none() && stop.samples.is_none() && (stop.noise.is_some() || stop.time.is_some())
 }
 
 /// Lower-case hex to digest.
@@ -315,7 +334,7 @@ mod tests {
             time: Some(9.0),
             ..none.clone()
         };
-        check(time, Some(16), SPP_MAX);
+        check(time, Some(16), 65_536);
         let samples = Stop {
             samples: Some(vec![3, 9]),
             ..none

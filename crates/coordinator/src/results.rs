@@ -8,12 +8,13 @@ use crate::farm::Farm;
 use crate::job::Job;
 use crate::owner::{Arrived, Order};
 use crate::plan::Fit;
+use crate::reopen::{Merged, reopen};
 use crate::{audit, sync};
 use bytes::Bytes;
 use film::{Receipt, Unit, UnitResult};
 use protocol::JobState;
 use std::sync::Arc;
-use store::{Appended, Digest, LogEntry};
+use store::{Appended, Digest, LogEntry, StoreError};
 use uuid::Uuid;
 
 /// A result as it came.
@@ -82,11 +83,7 @@ impl Farm {
             .acquire_owned()
             .await
             .map_err(|_| ApiError::new(INTERNAL, "closing"))?;
-        let bytes = delivery.bytes.clone();
-        let decoded = tokio::task::spawn_blocking(move || film::decode_unit(&bytes))
-            .await
-            .map_err(|_| ApiError::new(INTERNAL, "decoding crashed"))?;
-        let result = decoded.map_err(|e| ApiError::new(BAD_RESULT, e.to_string()))?;
+        let result = decode(delivery.bytes.clone()).await?;
         self.check(&delivery, &result)?;
         // From here on no checkpoint may claim a later position of the log than this one.
         let token = self.next_token();
@@ -142,7 +139,11 @@ impl Farm {
             worker: delivery.worker,
             bytes: delivery.bytes.clone(),
         };
-        Ok(self.stores.log.append(entry).await?)
+        let appended = self.stores.log.append(entry).await;
+        if let Err(error @ StoreError::SyncFailed { .. }) = &appended {
+            self.give_up(error);
+        }
+        Ok(appended?)
     }
 
     /// The answer to a unit that needs no second look: known, unwanted, or of a job that is over.
@@ -154,7 +155,7 @@ impl Farm {
             let worker = state
                 .workers
                 .get_mut(&delivery.worker)
-                .filter(|w| w.token == delivery.token)
+                .filter(|w| w.is(delivery.token))
                 .ok_or_else(|| sync::no_worker(delivery.worker))?;
             worker.last_seen = now;
             if let Some(why) = &worker.quarantined {
@@ -210,37 +211,37 @@ impl Farm {
             return Err(gone("the frame is not in work"));
         }
         // A finished frame: its film knows.
-        let farm = self.clone();
-        let (job, unit, digest) = (delivery.job, delivery.unit, delivery.digest);
-        let found =
-            tokio::task::spawn_blocking(move || -> Result<Option<bool>, store::StoreError> {
-                let Some(film) = crate::checkpoint::look(&farm, job, unit.frame)? else {
-                    return Ok(None);
-                };
-                let film = film
-                    .read()
-                    .unwrap_or_else(std::sync::PoisonError::into_inner);
-                let merged = film.tile(unit.tile).and_then(|tile| {
-                    tile.merged_units()
-                        .iter()
-                        .find(|m| m.samples == unit.samples)
-                });
-                Ok(merged.map(|m| m.digest == digest))
-            })
-            .await
-            .map_err(|_| ApiError::new(INTERNAL, "reading a film crashed"))??;
-        match found {
-            Some(true) => Ok(Some(Taken::Same)),
-            Some(false) => {
-                self.metrics.differing();
-                tracing::error!(job.id = %job, unit.id = %unit, worker.id = %delivery.worker, "other bytes for a unit of a finished frame");
-                Err(ApiError::new(
-                    OTHER_BYTES,
-                    "other bytes of this unit are in the finished picture",
-                ))
-            }
-            None => Err(gone("the job is done without this unit")),
+        let (farm, of) = (self.clone(), delivery.clone());
+        let found = tokio::task::spawn_blocking(move || {
+            let Some(film) = crate::checkpoint::look(&farm, of.job, of.unit.frame)? else {
+                return Ok::<_, StoreError>(None);
+            };
+            let film = film
+                .read()
+                .unwrap_or_else(std::sync::PoisonError::into_inner);
+            Ok(Merged::find(&film, &of))
+        })
+        .await
+        .map_err(|_| ApiError::new(INTERNAL, "reading a film crashed"))??;
+        let Some(merged) = found else {
+            return Err(gone("the job is done without this unit"));
+        };
+        if merged.digest == delivery.digest {
+            return Ok(Some(Taken::Same));
         }
+        // Only a result opens a finished picture again, not what was damaged on its way.
+        let result = decode(delivery.bytes.clone()).await?;
+        self.check(delivery, &result)?;
+        self.metrics.differing();
+        let audited = reopen(self, delivery, merged);
+        Err(ApiError::new(
+            OTHER_BYTES,
+            if audited {
+                "other bytes of this unit are in the finished picture; a third worker will tell which are right"
+            } else {
+                "other bytes of this unit are known"
+            },
+        ))
     }
 
     /// What a comparison with known bytes amounts to.
@@ -366,6 +367,13 @@ impl Farm {
         self.order(job, Order::Merge(Box::new(arrived)))?;
         Ok(Taken::New)
     }
+}
+
+async fn decode(bytes: Bytes) -> Result<UnitResult, ApiError> {
+    tokio::task::spawn_blocking(move || film::decode_unit(&bytes))
+        .await
+        .map_err(|_| ApiError::new(INTERNAL, "decoding crashed"))?
+        .map_err(|e| ApiError::new(BAD_RESULT, e.to_string()))
 }
 
 fn fit(job: &Job, unit: &Unit) -> Option<Fit> {

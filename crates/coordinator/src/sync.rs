@@ -1,17 +1,12 @@
-//! What workers call to register, to say how they are, and to get units.
+//! What workers call to say how they are, and to get units.
 
-use crate::error::{
-    ApiError, ENGINE_VERSION as ENGINE, NO_WORKER, QUARANTINED, SCENE_FAILED, TOO_MANY,
-};
+use crate::error::{ApiError, NO_WORKER, QUARANTINED, SCENE_FAILED};
 use crate::farm::{Farm, State};
 use crate::job::{BLOCK_FAILURES, Job, POISON_WORKERS};
 use crate::worker::Worker;
 use crate::{control, job};
 use film::convergence::BORDER_MIN;
-use protocol::{
-    JobState, Lease, LeaseFailure, LeaseRef, RegisterRequest, RegisterResponse, SyncRequest,
-    SyncResponse, TimestampMs,
-};
+use protocol::{JobState, Lease, LeaseFailure, LeaseRef, SyncRequest, SyncResponse, TimestampMs};
 use std::cmp::Reverse;
 use std::sync::Arc;
 use std::time::Duration;
@@ -23,67 +18,6 @@ const LONGEST_WAITING_EVERY: u64 = 10;
 const WAIT_MAX: Duration = Duration::from_secs(60);
 
 impl Farm {
-    /// A worker announces itself, for the first time or again.
-    pub fn register(
-        &self,
-        request: RegisterRequest,
-        token: Option<usize>,
-    ) -> Result<RegisterResponse, ApiError> {
-        let limits = &self.config.limits;
-        if request.engine_version != film::ENGINE_VERSION {
-            return Err(ApiError::new(
-                ENGINE,
-                format!(
-                    "the worker has engine version {}, the coordinator {}: their pictures would differ; install the same release",
-                    request.engine_version,
-                    film::ENGINE_VERSION
-                ),
-            ));
-        }
-        if request.name.len() > limits.name_bytes {
-            return Err(ApiError::limit(
-                crate::error::INVALID,
-                "name_bytes",
-                limits.name_bytes as u64,
-                Some(request.name.len() as u64),
-            ));
-        }
-        let now = self.clock.now();
-        let mut state = self.state();
-        // A worker keeps its identity over reconnects, unless it is taken by another token.
-        let id = request
-            .previous_id
-            .filter(|id| state.workers.get(id).is_none_or(|w| w.token == token))
-            .unwrap_or_else(Uuid::now_v7);
-        if state.workers.len() >= limits.workers && !state.workers.contains_key(&id) {
-            return Err(ApiError::limit(
-                TOO_MANY,
-                "workers",
-                limits.workers as u64,
-                None,
-            ));
-        }
-        match state.workers.get_mut(&id) {
-            Some(known) => {
-                known.about = request;
-                known.last_seen = now;
-                known.leaving = false;
-                known.knows.clear();
-            }
-            None => {
-                tracing::info!(worker.id = %id, worker.name = request.name, threads = request.threads, "a worker registers");
-                state
-                    .workers
-                    .insert(id, Worker::new(id, request, token, now));
-            }
-        }
-        Ok(RegisterResponse {
-            worker: id,
-            lease_ttl_ms: self.config.lease_ttl.as_millis() as u64,
-            heartbeat_ms: self.config.heartbeat.as_millis() as u64,
-        })
-    }
-
     /// Heartbeat, progress, give-back, wish for work: answers at once if there is something to say,
     /// else when there is, or when the wait is over.
     pub async fn sync(
@@ -103,14 +37,18 @@ impl Farm {
             tokio::pin!(woken);
             // Before looking, so that nothing that comes after the look is missed.
             woken.as_mut().enable();
-            let (response, started) = self.answer(&request)?;
+            let Said {
+                response,
+                started,
+                news,
+            } = self.answer(&request)?;
             for id in started {
                 self.tell_job(id);
             }
             let idle = response.leases.is_empty()
                 && response.cancelled.is_empty()
                 && !response.give_back_unstarted
-                && !response.drain;
+                && !news;
             if !idle || self.shutdown.is_cancelled() {
                 return Ok(response);
             }
@@ -135,7 +73,7 @@ impl Farm {
         let worker = state
             .workers
             .get_mut(&request.worker)
-            .filter(|w| w.token == token)
+            .filter(|w| w.is(token))
             .ok_or_else(|| no_worker(request.worker))?;
         worker.last_seen = now;
         worker.leaving |= request.draining;
@@ -182,8 +120,8 @@ impl Farm {
         Ok(ended)
     }
 
-    /// What there is to say. Beside it the jobs whose first lease this is.
-    fn answer(&self, request: &SyncRequest) -> Result<(SyncResponse, Vec<Uuid>), ApiError> {
+    /// What there is to say.
+    fn answer(&self, request: &SyncRequest) -> Result<Said, ApiError> {
         let now = self.clock.now();
         let limits = &self.config.limits;
         let expires_at = now + self.config.lease_ttl.as_millis() as u64;
@@ -248,8 +186,31 @@ impl Farm {
             response.give_back_unstarted =
                 response.leases.is_empty() && more_urgent(state, request);
         }
-        Ok((response, started))
+        let news = worker_told(state, request.worker, response.drain);
+        Ok(Said {
+            response,
+            started,
+            news,
+        })
     }
+}
+
+/// An answer, and what follows from it here.
+struct Said {
+    response: SyncResponse,
+    /// Jobs whose first lease is in it.
+    started: Vec<Uuid>,
+    /// It says something else about draining than the one before. A worker that knows that it gets
+    /// nothing waits like any other.
+    news: bool,
+}
+
+/// Notes what a worker is told about draining. True if that is new to it.
+fn worker_told(state: &mut State, worker: Uuid, drain: bool) -> bool {
+    state
+        .workers
+        .get_mut(&worker)
+        .is_some_and(|worker| std::mem::replace(&mut worker.told_drain, drain) != drain)
 }
 
 /// The lease that is due. With it whether it is the first of its job.
@@ -267,13 +228,15 @@ fn lease_next(
         })
         .collect();
     if (*given + 1).is_multiple_of(LONGEST_WAITING_EVERY) {
-        candidates.sort_by_key(|job| job.waiting_since);
+        // Within a millisecond, too, the same one must not always win.
+        candidates.sort_by_key(|job| (job.waiting_since, job.served));
     } else {
-        // Higher priority, then first passes, then age.
+        // Higher priority, then first passes, then in turn: whoever was served longest ago.
         candidates.sort_by_key(|job| {
             (
                 Reverse(job.record.priority),
                 !early(job),
+                job.served,
                 job.record.created_at,
                 job.record.id,
             )
@@ -283,6 +246,7 @@ fn lease_next(
         let first = job.record.started_at.is_none() || job.record.state == JobState::Queued;
         let at = job.lease(worker, now, expires_at)?;
         *given += 1;
+        job.served = *given;
         Some((at, first))
     })
 }

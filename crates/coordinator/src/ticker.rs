@@ -4,6 +4,7 @@ use crate::control;
 use crate::farm::Farm;
 use crate::job::Job;
 use crate::owner::Order;
+use crate::roster;
 use protocol::{JobState, LeaseRef, TimestampMs};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,8 +18,6 @@ const TELL_TICKS: u64 = 5;
 const SWEEP_TICKS: u64 = 36_000;
 /// How long an upload may wait for its job.
 const YOUNG_MS: u64 = 24 * 3600 * 1000;
-/// How long a silent worker without leases stays on the list.
-const LOST_KEPT_MS: u64 = 3600 * 1000;
 /// How long an audit waits for a worker that could settle it.
 const AUDIT_WAIT_MS: u64 = 60_000;
 
@@ -94,11 +93,7 @@ fn tick(farm: &Arc<Farm>, tell: bool) {
                 worker.held.remove(&(job, unit));
             }
         }
-        state.workers.retain(|_, w| {
-            !w.held.is_empty()
-                || w.quarantined.is_some()
-                || now.saturating_sub(w.last_seen) < LOST_KEPT_MS
-        });
+        roster::forget_lost(farm, state, now);
         if any {
             farm.wake.notify_waiters();
         }
@@ -168,6 +163,11 @@ fn out_of_time(farm: &Arc<Farm>, job: &mut Job) -> bool {
     let frames: Vec<u32> = job.plans.keys().copied().collect();
     let mut wanted = Vec::new();
     for frame in frames {
+        // One that was taken up again for an audit has had its time.
+        let about = job.record.begun.get(&frame);
+        if about.is_some_and(|f| f.stopped_at.is_some()) {
+            continue;
+        }
         if let Some(plan) = job.plans.get_mut(&frame) {
             let counts = plan.stop_here();
             wanted
@@ -238,14 +238,7 @@ fn drop_hopeless_audits(
             "unit {unit}: two results differ and no third worker came; the first one stands"
         );
         job.note(now, "error", text.clone(), None, None);
-        job.record.warnings.push(protocol::Finding {
-            severity: "warning".into(),
-            file: job.record.request.scene.clone(),
-            line: None,
-            column: None,
-            pointer: None,
-            reason: text,
-        });
+        job.record.warn(text);
         if let Err(error) = farm.order(job, Order::Review) {
             tracing::error!(job.id = %job.record.id, %error, "no owner");
         }

@@ -2,8 +2,22 @@
 
 use film::Unit;
 use protocol::{RegisterRequest, TimestampMs, WorkerStatus};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use uuid::Uuid;
+
+/// What of a worker outlives the process.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WorkerRecord {
+    /// As it registered.
+    pub about: RegisterRequest,
+    /// A person drains it.
+    #[serde(default)]
+    pub drained: bool,
+    /// Why its results are not taken.
+    #[serde(default)]
+    pub quarantined: Option<String>,
+}
 
 /// A worker.
 #[derive(Clone, Debug)]
@@ -14,10 +28,14 @@ pub struct Worker {
     pub about: RegisterRequest,
     /// Which token it came with.
     pub token: Option<usize>,
+    /// It registered with this process; else it is known from the one before.
+    pub registered: bool,
     /// What it holds.
     pub held: BTreeSet<(Uuid, Unit)>,
     /// Jobs whose spec it knows.
     pub knows: BTreeSet<Uuid>,
+    /// Whether the last answer told it that it gets no leases.
+    pub told_drain: bool,
     /// It said that it leaves.
     pub leaving: bool,
     /// A person drains it.
@@ -39,8 +57,10 @@ impl Worker {
             id,
             about,
             token,
+            registered: true,
             held: BTreeSet::new(),
             knows: BTreeSet::new(),
+            told_drain: false,
             leaving: false,
             drained: false,
             quarantined: None,
@@ -50,6 +70,47 @@ impl Worker {
         }
     }
 
+    /// Known from the process before. What is counted begins anew.
+    pub fn recovered(id: Uuid, record: WorkerRecord, now: TimestampMs) -> Self {
+        Worker {
+            registered: false,
+            drained: record.drained,
+            quarantined: record.quarantined,
+            ..Worker::new(id, record.about, None, now)
+        }
+    }
+
+    /// It registers again.
+    pub fn back(&mut self, about: RegisterRequest, token: Option<usize>, now: TimestampMs) {
+        self.about = about;
+        self.token = token;
+        self.registered = true;
+        self.last_seen = now;
+        self.leaving = false;
+        // A process that asks again has forgotten what it was told.
+        self.told_drain = false;
+        self.knows.clear();
+    }
+
+    /// What is kept.
+    pub fn record(&self) -> WorkerRecord {
+        WorkerRecord {
+            about: self.about.clone(),
+            drained: self.drained,
+            quarantined: self.quarantined.clone(),
+        }
+    }
+
+    /// Whether it is who calls.
+    pub fn is(&self, token: Option<usize>) -> bool {
+        self.registered && self.token == token
+    }
+
+    /// Whether it is another process of what people see as one worker.
+    pub fn same_name(&self, other: &Worker) -> bool {
+        self.id != other.id && !self.about.name.is_empty() && self.about.name == other.about.name
+    }
+
     /// Whether it may get leases.
     pub fn takes_leases(&self) -> bool {
         !self.leaving && !self.drained && self.quarantined.is_none()
@@ -57,13 +118,18 @@ impl Worker {
 
     /// Whether it has been silent for so long that it is taken for lost.
     pub fn is_lost(&self, now: TimestampMs, ttl_ms: u64) -> bool {
-        now.saturating_sub(self.last_seen) > ttl_ms
+        !self.registered || now.saturating_sub(self.last_seen) > ttl_ms
     }
 
     /// For people.
     pub fn status(&self, now: TimestampMs, ttl_ms: u64) -> WorkerStatus {
         let (state, reason) = if let Some(why) = &self.quarantined {
             ("quarantined", Some(why.clone()))
+        } else if !self.registered {
+            (
+                "lost",
+                Some("not seen since the coordinator started".into()),
+            )
         } else if self.is_lost(now, ttl_ms) {
             (
                 "lost",

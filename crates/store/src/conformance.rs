@@ -58,6 +58,7 @@ pub fn run(backend: &mut Backend) {
             "many_writers_of_one_job_one_wins",
             many_writers_of_one_job_one_wins,
         ),
+        ("workers_are_kept", workers_are_kept),
         ("blobs_are_named_by_content", blobs_are_named_by_content),
         (
             "unfinished_blobs_leave_nothing",
@@ -213,6 +214,20 @@ fn many_writers_of_one_job_one_wins(backend: &mut Backend) {
     });
     assert_eq!(wins, 1);
     block_on(stores.jobs.delete(id)).unwrap();
+}
+
+fn workers_are_kept(backend: &mut Backend) {
+    let workers = backend.stores().workers;
+    let [a, b, c] = [job_id(), job_id(), job_id()];
+    for (id, record) in [(c, 1), (a, 2), (b, 3), (a, 4)] {
+        block_on(workers.put(id, vec![record])).unwrap();
+    }
+    block_on(workers.remove(vec![b, job_id()])).unwrap();
+    block_on(workers.remove(vec![b])).unwrap();
+    drop(workers);
+    let workers = backend.reopen().workers;
+    let expect = vec![(a, vec![4]), (c, vec![1])];
+    assert_eq!(block_on(workers.list()).unwrap(), expect);
 }
 
 fn blobs_are_named_by_content(backend: &mut Backend) {

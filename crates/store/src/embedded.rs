@@ -5,6 +5,7 @@ mod blobs;
 mod jobs;
 mod log;
 mod segment;
+mod workers;
 
 use crate::{StoreError, Stores};
 use std::fs::{File, OpenOptions};
@@ -36,11 +37,13 @@ pub fn open(folder: &Path, options: Options) -> Result<Stores, StoreError> {
     let io = |e: std::io::Error| StoreError::io(&folder.display().to_string(), &e);
     std::fs::create_dir_all(folder).map_err(io)?;
     let lock = Arc::new(lock(folder)?);
+    let database = Arc::new(jobs::SqliteJobs::open(
+        &folder.join("jobs.sqlite"),
+        lock.clone(),
+    )?);
     Ok(Stores {
-        jobs: Arc::new(jobs::SqliteJobs::open(
-            &folder.join("jobs.sqlite"),
-            lock.clone(),
-        )?),
+        jobs: database.clone(),
+        workers: database,
         log: Arc::new(log::SegmentLog::open(
             &folder.join("log"),
             options,

@@ -39,6 +39,17 @@ pub enum StoreError {
         /// Where and how.
         what: String,
     },
+    /// A sync to disk failed. What the system then holds is unknown, and syncing again would report
+    /// success for bytes that are lost: the process has to end, and its next start reads what is left.
+    #[error(
+        "{what} could not be synced to disk ({reason}); what is left is found out by a restart"
+    )]
+    SyncFailed {
+        /// What was written.
+        what: String,
+        /// What the system said.
+        reason: String,
+    },
     /// Another process uses it.
     #[error("{what} is in use by {who}")]
     Locked {

@@ -1,4 +1,4 @@
-//! What has to outlive a process, behind small traits: jobs, results, blobs. Each backend runs the
+//! What has to outlive a process, behind small traits: jobs, workers, results, blobs. Each backend runs the
 //! same [`conformance`] suite; the rest of the coordinator cannot tell one from another.
 //!
 //! - [`memory`]: maps, for `brolly render` and tests; nothing survives.
@@ -19,11 +19,13 @@ mod error;
 mod job;
 mod log;
 pub mod memory;
+mod worker;
 
 pub use blob::{BlobRead, BlobStore, BlobWriter, Digest};
 pub use error::StoreError;
 pub use job::{Created, IdempotencyKey, JobStore, StoredJob};
 pub use log::{Appended, LogEntry, ResultLog};
+pub use worker::WorkerStore;
 
 use std::sync::Arc;
 
@@ -35,6 +37,8 @@ pub type Answer<'a, T> = futures::future::BoxFuture<'a, Result<T, StoreError>>;
 pub struct Stores {
     /// Jobs.
     pub jobs: Arc<dyn JobStore>,
+    /// Workers.
+    pub workers: Arc<dyn WorkerStore>,
     /// Acknowledged results that no checkpoint covers yet.
     pub log: Arc<dyn ResultLog>,
     /// Files of scenes, tiles and manifests of checkpoints.

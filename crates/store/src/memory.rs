@@ -2,7 +2,7 @@
 
 use crate::{
     Answer, Appended, BlobRead, BlobStore, BlobWriter, Created, Digest, IdempotencyKey, JobStore,
-    LogEntry, ResultLog, StoreError, StoredJob, Stores,
+    LogEntry, ResultLog, StoreError, StoredJob, Stores, WorkerStore,
 };
 use bytes::Bytes;
 use film::Unit;
@@ -14,6 +14,7 @@ use uuid::Uuid;
 pub fn open() -> Stores {
     Stores {
         jobs: Arc::new(MemoryJobs::default()),
+        workers: Arc::new(MemoryWorkers::default()),
         log: Arc::new(MemoryLog::default()),
         blobs: Arc::new(MemoryBlobs::default()),
         durable: false,
@@ -27,6 +28,27 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 fn ready<'a, T: Send + 'a>(result: Result<T, StoreError>) -> Answer<'a, T> {
     Box::pin(std::future::ready(result))
+}
+
+/// Workers in a map.
+#[derive(Default)]
+pub struct MemoryWorkers(Mutex<BTreeMap<Uuid, Vec<u8>>>);
+
+impl WorkerStore for MemoryWorkers {
+    fn put(&self, id: Uuid, record: Vec<u8>) -> Answer<'_, ()> {
+        lock(&self.0).insert(id, record);
+        ready(Ok(()))
+    }
+
+    fn remove(&self, ids: Vec<Uuid>) -> Answer<'_, ()> {
+        lock(&self.0).retain(|id, _| !ids.contains(id));
+        ready(Ok(()))
+    }
+
+    fn list(&self) -> Answer<'_, Vec<(Uuid, Vec<u8>)>> {
+        let workers = lock(&self.0);
+        ready(Ok(workers.iter().map(|(id, r)| (*id, r.clone())).collect()))
+    }
 }
 
 /// Jobs in a map.

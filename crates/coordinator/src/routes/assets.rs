@@ -1,6 +1,6 @@
 //! Files by content.
 
-use super::body::{Json, plain};
+use super::body::{Json, fits, plain};
 use crate::auth::Caller;
 use crate::config::Scope;
 use crate::error::{
@@ -94,18 +94,7 @@ pub async fn put_asset(
     let digest = digest(&name)?;
     plain(request.headers())?;
     let limit = farm.config.limits.asset_bytes;
-    let length = request
-        .headers()
-        .get(header::CONTENT_LENGTH)
-        .and_then(|v| v.to_str().ok()?.parse::<u64>().ok());
-    if let Some(length) = length.filter(|l| *l > limit) {
-        return Err(ApiError::limit(
-            TOO_LARGE,
-            "asset_bytes",
-            limit,
-            Some(length),
-        ));
-    }
+    fits(request.headers(), "asset_bytes", limit)?;
     if submit::missing(&farm, vec![digest]).await?.is_empty() {
         return Ok(StatusCode::OK.into_response());
     }

@@ -28,6 +28,7 @@ impl<T: DeserializeOwned> FromRequest<Arc<Farm>> for Json<T> {
             ));
         }
         let limit = farm.config.limits.json_bytes;
+        fits(request.headers(), "json_bytes", limit as u64)?;
         let bytes = whole(request.into_body(), "json_bytes", limit).await?;
         let mut reader = serde_json::Deserializer::from_slice(&bytes);
         let value = T::deserialize(&mut reader).and_then(|value| reader.end().map(|()| value));
@@ -50,6 +51,17 @@ pub fn plain(headers: &HeaderMap) -> Result<(), ApiError> {
             "bodies are taken without Content-Encoding",
         )),
         _ => Ok(()),
+    }
+}
+
+/// Refuses by what the head says, before a byte of the body is asked for.
+pub fn fits(headers: &HeaderMap, name: &str, limit: u64) -> Result<(), ApiError> {
+    let length = headers
+        .get(header::CONTENT_LENGTH)
+        .and_then(|v| v.to_str().ok()?.parse::<u64>().ok());
+    match length.filter(|length| *length > limit) {
+        Some(length) => Err(ApiError::limit(TOO_LARGE, name, limit, Some(length))),
+        None => Ok(()),
     }
 }
 

@@ -120,19 +120,25 @@ async fn image(
         })?;
         let film = film.read().unwrap_or_else(PoisonError::into_inner);
         let info = PictureInfo::of(&film, seed, env!("CARGO_PKG_VERSION"), biased);
-        let drawn = match format {
-            Format::Png => film::write_png(
-                &film,
-                Look {
+        // Merging waits while the film is read: only values are taken out of it, and packed after.
+        let packed = match format {
+            Format::Png => {
+                let look = Look {
                     layer,
                     exposure,
                     tonemap,
-                },
-                &info,
-            ),
-            Format::Exr => film::write_exr(&film, &info),
+                };
+                let picture = film::shown(&film, look);
+                drop(film);
+                film::encode_png(&picture, &info.fields())
+            }
+            Format::Exr => {
+                let channels = film::Channels::of(&film);
+                drop(film);
+                film::encode_exr(&channels, &info)
+            }
         };
-        drawn.map_err(|error| {
+        packed.map_err(|error| {
             tracing::error!(job.id = %id, %error, "no picture");
             ApiError::new(INTERNAL, "the picture could not be written")
         })

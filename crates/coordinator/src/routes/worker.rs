@@ -1,6 +1,6 @@
 //! What workers call.
 
-use super::body::{Json, header_text, plain};
+use super::body::{Json, fits, header_text, plain};
 use crate::auth::Caller;
 use crate::error::{ApiError, BAD_REQUEST, BAD_RESULT, INTERNAL, TOO_LARGE};
 use crate::farm::Farm;
@@ -79,6 +79,7 @@ pub async fn result(
         .and_then(|t| t.parse().ok())
         .unwrap_or(0.0);
     let limit = film::codec::unit_bytes_max();
+    fits(headers, "result_bytes", limit as u64)?;
     // Hashed while it comes: one pass, and done when the last byte is there.
     let mut hasher = blake3::Hasher::new();
     let mut bytes = BytesMut::new();

@@ -32,18 +32,23 @@ pub async fn patch_worker(
     if patch.quarantine == Some(true) {
         audit::quarantine(&farm, id, "on request");
     }
+    let mut changed = farm.pardon(
+        id,
+        patch.quarantine == Some(false),
+        patch.drain == Some(false),
+    );
     let status = {
         let now = farm.clock.now();
         let mut state = farm.state();
         let worker = state.workers.get_mut(&id).ok_or_else(unknown)?;
-        if patch.quarantine == Some(false) {
-            worker.quarantined = None;
-        }
-        if let Some(drain) = patch.drain {
-            worker.drained = drain;
-        }
+        worker.drained |= patch.drain == Some(true);
         worker.status(now, farm.config.lease_ttl.as_millis() as u64)
     };
+    // The answer says that it is so: also after a restart.
+    changed.retain(|other| *other != id);
+    for worker in changed.into_iter().chain([id]) {
+        farm.save_worker(worker).await?;
+    }
     farm.wake.notify_waiters();
     Ok(axum::Json(status))
 }

@@ -3,7 +3,7 @@
 use super::support::*;
 use crate::error::{BAD_RESULT, DIGEST_MISMATCH, ENGINE_VERSION, OTHER_BYTES, QUARANTINED};
 use crate::results::{Delivery, Taken};
-use protocol::{JobState, LeaseFailure, LeaseRef};
+use protocol::{JobState, LeaseFailure, LeaseRef, Stop};
 use uuid::Uuid;
 
 fn state_of(rig: &Rig, worker: Uuid) -> String {
@@ -91,6 +91,76 @@ async fn duplicate_other_bytes_is_409_and_audited() {
 #[tokio::test]
 async fn bad_worker_taken_out_same_bits() {
     disagree(true).await;
+}
+
+/// Other bytes for a unit of a finished job: it is taken up again, and a third worker decides.
+async fn disagree_when_done(film_is_wrong: bool, stop: Stop) {
+    let rig = Rig::embedded().await;
+    let id = rig.submit(stop).await;
+    let (first, late, third) = (rig.worker("first"), rig.worker("late"), rig.worker("third"));
+    let at = rig.lease(first, 1).await.remove(0).at;
+    let (of_first, of_late) = match film_is_wrong {
+        true => (render_wrong(at.unit), render(at.unit)),
+        false => (render(at.unit), render_wrong(at.unit)),
+    };
+    rig.send(first, &at, of_first).await.unwrap();
+    let done = rig.work(third, id).await;
+    assert_eq!(done.state, JobState::Done);
+    assert_eq!(done.digest == hex(&oracle(0, |_| 8)), !film_is_wrong);
+    // Garbage opens nothing.
+    let error = rig.send(late, &at, vec![1, 2, 3]).await.unwrap_err();
+    assert_eq!(error.kind(), BAD_RESULT);
+    assert_eq!(rig.status(id).state, JobState::Done);
+    let error = rig.send(late, &at, of_late).await.unwrap_err();
+    assert_eq!(error.kind(), OTHER_BYTES);
+    assert_ne!(rig.status(id).state, JobState::Done);
+    // Neither of the two is asked.
+    for worker in [first, late] {
+        assert!(rig.lease(worker, 9).await.is_empty());
+    }
+    let audit = loop {
+        // Once the frame is read again.
+        if let Some(lease) = rig.lease(third, 1).await.pop() {
+            break lease.at;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(5)).await;
+    };
+    assert_eq!(audit.unit, at.unit);
+    let settled = rig.deliver(third, &audit).await;
+    assert_eq!(settled.is_err(), film_is_wrong, "{settled:?}");
+    let done = rig.work(third, id).await;
+    assert_eq!(done.digest, hex(&oracle(0, |_| 8)));
+    let (good, bad) = if film_is_wrong {
+        (late, first)
+    } else {
+        (first, late)
+    };
+    assert_eq!(state_of(&rig, bad), "quarantined");
+    assert_eq!(state_of(&rig, good), "idle");
+    let rig = rig.restart().await;
+    assert_eq!(rig.status(id).state, JobState::Done);
+    assert_eq!(rig.film_digest(id, 0), oracle(0, |_| 8));
+}
+
+#[tokio::test]
+async fn other_bytes_after_the_end_are_audited_the_film_was_wrong() {
+    disagree_when_done(true, spp(8)).await;
+}
+
+#[tokio::test]
+async fn other_bytes_after_the_end_are_audited_the_late_one_was_wrong() {
+    disagree_when_done(false, spp(8)).await;
+}
+
+/// A time limit that is long over cuts nothing off what is rendered again.
+#[tokio::test]
+async fn what_is_taken_up_again_ends_where_it_ended() {
+    let stop = Stop {
+        spp: Some(8),
+        time: Some(1e6),
+        ..Stop::default()
+    };
+    disagree_when_done(true, stop).await;
 }
 
 #[tokio::test]

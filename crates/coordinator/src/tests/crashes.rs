@@ -1,8 +1,10 @@
 //! Killed between any two steps; storage that fails.
 
 use super::support::*;
+use crate::config::StoreConfig;
 use crate::error::{FULL, UNAVAILABLE};
 use crate::results::Taken;
+use crate::{Coordinator, ServeError};
 use protocol::JobState;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -10,6 +12,7 @@ use store::{
     Answer, Appended, Created, IdempotencyKey, JobStore, LogEntry, ResultLog, StoreError,
     StoredJob, Stores,
 };
+use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
 #[tokio::test]
@@ -130,6 +133,7 @@ async fn a_worker_keeps_its_lease_through_a_restart() {
 struct Faulty {
     inner: Stores,
     full: AtomicBool,
+    no_sync: AtomicBool,
     no_cas: AtomicBool,
 }
 
@@ -138,6 +142,11 @@ impl ResultLog for Faulty {
         if self.full.load(Ordering::Relaxed) {
             let what = "the result log".into();
             return Box::pin(std::future::ready(Err(StoreError::Full { what })));
+        }
+        if self.no_sync.load(Ordering::Relaxed) {
+            let (what, reason) = ("the result log".into(), "told to fail".into());
+            let error = StoreError::SyncFailed { what, reason };
+            return Box::pin(std::future::ready(Err(error)));
         }
         self.inner.log.append(entry)
     }
@@ -196,11 +205,12 @@ impl JobStore for Faulty {
     }
 }
 
-async fn faulty(folder: &Arc<tempfile::TempDir>) -> (Rig, Arc<Faulty>) {
+fn faulty_stores(folder: &Arc<tempfile::TempDir>) -> (Stores, Arc<Faulty>) {
     let inner = store::embedded::open(folder.path(), store::embedded::Options::default()).unwrap();
     let faulty = Arc::new(Faulty {
         inner: inner.clone(),
         full: AtomicBool::new(false),
+        no_sync: AtomicBool::new(false),
         no_cas: AtomicBool::new(false),
     });
     let stores = Stores {
@@ -208,6 +218,11 @@ async fn faulty(folder: &Arc<tempfile::TempDir>) -> (Rig, Arc<Faulty>) {
         log: faulty.clone(),
         ..inner
     };
+    (stores, faulty)
+}
+
+async fn faulty(folder: &Arc<tempfile::TempDir>) -> (Rig, Arc<Faulty>) {
+    let (stores, faulty) = faulty_stores(folder);
     let mut rig = Rig::with_stores(stores).await;
     rig.folder = Some(folder.clone());
     (rig, faulty)
@@ -257,6 +272,42 @@ async fn disk_full_refuses_then_recovers() {
         assert_eq!(rig.deliver(worker, &lease.at).await.unwrap(), Taken::New);
     }
     assert_eq!(rig.done(id).await.digest, hex(&oracle(0, |_| 4)));
+}
+
+/// After a failed sync nobody knows what the disk holds: the process ends, and says why.
+#[tokio::test]
+async fn a_failed_sync_ends_the_process() {
+    let folder = Arc::new(tempfile::tempdir().unwrap());
+    let (stores, faults) = faulty_stores(&folder);
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let coordinator = Coordinator::with_stores(listener, config(StoreConfig::Memory), stores)
+        .await
+        .unwrap();
+    let rig = Rig {
+        farm: coordinator.farm.clone(),
+        folder: Some(folder),
+    };
+    let running = tokio::spawn(coordinator.run(CancellationToken::new()));
+    let id = rig.submit(spp(4)).await;
+    let worker = rig.worker("a");
+    let leases = rig.lease(worker, 3).await;
+    rig.deliver(worker, &leases[0].at).await.unwrap();
+    faults.no_sync.store(true, Ordering::Relaxed);
+    let error = rig.deliver(worker, &leases[1].at).await.unwrap_err();
+    assert_eq!(error.kind(), UNAVAILABLE);
+    let ended = running.await.unwrap().unwrap_err();
+    assert!(
+        matches!(&ended, ServeError::Store(StoreError::SyncFailed { .. })),
+        "{ended:?}"
+    );
+    assert!(ended.to_string().contains("told to fail"), "{ended}");
+    // What was acknowledged is there for the process that follows, no more.
+    rig.merged(id, 1).await;
+    drop(faults);
+    let rig = Rig::open(rig.crash().await).await;
+    assert_eq!(rig.status(id).units_merged, 1);
+    let worker = rig.worker("b");
+    assert_eq!(rig.work(worker, id).await.digest, hex(&oracle(0, |_| 4)));
 }
 
 #[tokio::test]

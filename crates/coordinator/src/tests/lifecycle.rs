@@ -252,3 +252,19 @@ async fn deleting_frees_what_only_this_job_needed() {
     let rig = rig.restart().await;
     assert!(rig.farm.state().jobs.is_empty());
 }
+
+/// Time alone does not render for ever: the samples end before it, and the job says so.
+#[tokio::test]
+async fn a_job_with_time_alone_ends_at_the_cap() {
+    let rig = Rig::memory().await;
+    let stop = Stop {
+        time: Some(1e6),
+        ..Stop::default()
+    };
+    let id = rig.submit(stop).await;
+    let worker = rig.worker("a");
+    let status = rig.work(worker, id).await;
+    assert_eq!(status.samples, 65_536 * 7000);
+    let said = status.warnings.iter().any(|w| w.reason.contains("65536"));
+    assert!(said, "{:?}", status.warnings);
+}

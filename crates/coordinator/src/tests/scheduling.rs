@@ -54,6 +54,46 @@ async fn one_user_cannot_starve_another() {
 }
 
 #[tokio::test]
+async fn equals_are_served_in_turn() {
+    let rig = Rig::memory().await;
+    let jobs = [
+        job(&rig, 50, spp(4096)).await,
+        job(&rig, 50, spp(4096)).await,
+        job(&rig, 50, spp(4096)).await,
+    ];
+    let worker = rig.worker("a");
+    let leases = rig.lease(worker, 30).await;
+    for id in jobs {
+        let of_it = leases.iter().filter(|l| l.at.job == id).count();
+        assert!((9..=11).contains(&of_it), "{of_it} of 30");
+    }
+}
+
+/// A worker that gets nothing is told once, then waits like any other.
+#[tokio::test(start_paused = true)]
+async fn a_draining_worker_waits() {
+    let rig = Rig::memory().await;
+    rig.submit(spp(1)).await;
+    let worker = rig.worker("a");
+    if let Some(worker) = rig.farm.state().workers.get_mut(&worker) {
+        worker.drained = true;
+    }
+    let waits = async || {
+        let before = tokio::time::Instant::now();
+        let mut request = asking(worker, 0);
+        request.wait_ms = 10_000;
+        let drain = rig.sync(request).await.drain;
+        (drain, before.elapsed() >= Duration::from_secs(10))
+    };
+    assert_eq!(waits().await, (true, false), "told at once");
+    assert_eq!(waits().await, (true, true));
+    assert_eq!(waits().await, (true, true));
+    rig.farm.pardon(worker, false, true);
+    assert_eq!(waits().await, (false, false), "so is the end of it");
+    assert_eq!(waits().await, (false, true));
+}
+
+#[tokio::test]
 async fn give_back_goes_to_the_next() {
     let rig = Rig::memory().await;
     let id = rig.submit(spp(1)).await;

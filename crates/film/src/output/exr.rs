@@ -38,21 +38,45 @@ const BLOCK_ROWS: usize = 16;
 const ZIP_BLOCKS: u8 = 3;
 const FLOAT: u32 = 2;
 
-/// An EXR of a film. The same film and info are the same bytes: blocks follow each other from the
-/// top whoever compressed them, and nothing tells the time.
+/// All channels of a film as they are at one moment: what takes long, packing them, needs the film
+/// no more.
+pub struct Channels {
+    width: u32,
+    height: u32,
+    planes: Vec<Vec<f32>>,
+}
+
+impl Channels {
+    /// Of a film as it stands.
+    pub fn of(film: &Film) -> Channels {
+        Channels {
+            width: film.grid().width,
+            height: film.grid().height,
+            planes: CHANNELS
+                .par_iter()
+                .map(|&(_, layer, c)| channel(film, layer, c))
+                .collect(),
+        }
+    }
+}
+
+/// An EXR of a film.
 pub fn write_exr(film: &Film, info: &PictureInfo) -> Result<Vec<u8>, OutputError> {
-    let (width, height) = (film.grid().width as usize, film.grid().height as usize);
-    let planes: Vec<Vec<f32>> = CHANNELS
-        .par_iter()
-        .map(|&(_, layer, c)| channel(film, layer, c))
-        .collect();
+    encode_exr(&Channels::of(film), info)
+}
+
+/// Channels as EXR. The same channels and info are the same bytes: blocks follow each other from the
+/// top whoever compressed them, and nothing tells the time.
+pub fn encode_exr(channels: &Channels, info: &PictureInfo) -> Result<Vec<u8>, OutputError> {
+    let (width, height) = (channels.width as usize, channels.height as usize);
+    let planes = &channels.planes;
     let blocks: Vec<Vec<u8>> = (0..height.div_ceil(BLOCK_ROWS))
         .into_par_iter()
         .map(|block| {
             let rows = block * BLOCK_ROWS..height.min((block + 1) * BLOCK_ROWS);
             let mut raw = Vec::with_capacity(rows.len() * width * planes.len() * 4);
             for row in rows {
-                for plane in &planes {
+                for plane in planes {
                     let row = &plane[row * width..(row + 1) * width];
                     raw.extend(row.iter().flat_map(|value| value.to_le_bytes()));
                 }
@@ -61,7 +85,7 @@ pub fn write_exr(film: &Film, info: &PictureInfo) -> Result<Vec<u8>, OutputError
         })
         .collect::<std::io::Result<_>>()
         .map_err(OutputError::Deflate)?;
-    let mut out = head(film, info);
+    let mut out = head(channels, info);
     let mut offset = (out.len() + blocks.len() * 8) as u64;
     for block in &blocks {
         out.extend_from_slice(&offset.to_le_bytes());
@@ -76,7 +100,7 @@ pub fn write_exr(film: &Film, info: &PictureInfo) -> Result<Vec<u8>, OutputError
 }
 
 /// Magic, version and attributes, each as name, type, length, value.
-fn head(film: &Film, info: &PictureInfo) -> Vec<u8> {
+fn head(channels: &Channels, info: &PictureInfo) -> Vec<u8> {
     let mut out = vec![0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0];
     let mut put = |name: &str, kind: &str, value: &[u8]| {
         out.extend_from_slice(name.as_bytes());
@@ -97,7 +121,7 @@ fn head(film: &Film, info: &PictureInfo) -> Vec<u8> {
     let floats =
         |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
     // The last column and row count as inside.
-    let window = [0, 0, film.grid().width - 1, film.grid().height - 1]
+    let window = [0, 0, channels.width - 1, channels.height - 1]
         .map(u32::to_le_bytes)
         .concat();
     put("channels", "chlist", &list);

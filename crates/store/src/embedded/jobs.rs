@@ -1,4 +1,4 @@
-//! Jobs in SQLite: WAL, `synchronous=FULL`, foreign keys, and one thread that puts whatever waits
+//! Jobs (and, in `workers.rs`, workers) in SQLite: WAL, `synchronous=FULL`, foreign keys, and one thread that puts whatever waits
 //! into one transaction, so that a busy farm pays for one sync and not for each write.
 
 use super::FolderLock;
@@ -26,7 +26,7 @@ pub(super) struct SqliteJobs {
     _lock: Arc<FolderLock>,
 }
 
-fn sql(error: rusqlite::Error) -> StoreError {
+pub(super) fn sql(error: rusqlite::Error) -> StoreError {
     match error.sqlite_error_code() {
         Some(rusqlite::ErrorCode::DiskFull) => StoreError::Full {
             what: "the job database".into(),
@@ -80,6 +80,10 @@ impl SqliteJobs {
                  request BLOB NOT NULL,
                  job BLOB NOT NULL REFERENCES job (id) ON DELETE CASCADE
              ) WITHOUT ROWID;
+             CREATE TABLE IF NOT EXISTS worker (
+                 id BLOB PRIMARY KEY NOT NULL,
+                 record BLOB NOT NULL
+             ) WITHOUT ROWID;
              CREATE INDEX IF NOT EXISTS idempotency_job ON idempotency (job);
              PRAGMA user_version = 1;
              COMMIT;",
@@ -97,7 +101,7 @@ impl SqliteJobs {
         })
     }
 
-    fn call<T: Send + 'static>(
+    pub(super) fn call<T: Send + 'static>(
         &self,
         f: impl FnOnce(&Connection) -> Result<T, StoreError> + Send + 'static,
     ) -> Answer<'_, T> {

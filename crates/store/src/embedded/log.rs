@@ -333,10 +333,9 @@ impl Writer {
     }
 
     fn poison(&mut self, error: std::io::Error) -> StoreError {
-        let error = StoreError::Damaged {
-            what: format!(
-                "the result log could not be synced ({error}); restart to find out what is left"
-            ),
+        let error = StoreError::SyncFailed {
+            what: "the result log".into(),
+            reason: error.to_string(),
         };
         tracing::error!(%error, "no more results are accepted");
         self.poisoned = Some(error.clone());
