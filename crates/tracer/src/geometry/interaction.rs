@@ -19,6 +19,10 @@ pub struct Interaction {
     pub dpdu: Vec3,
     /// See `dpdu`.
     pub dpdv: Vec3,
+    /// The mesh's own tangent and bitangent, of any length; zero where it has none.
+    pub tangent: Vec3,
+    /// See `tangent`.
+    pub bitangent: Vec3,
     /// What textures depend on.
     pub point: Point,
     /// Index into the materials.
@@ -34,7 +38,7 @@ pub struct Interaction {
 }
 
 impl Interaction {
-    /// Works out a hit. `tangents` asks for `dpdu` and `dpdv`.
+    /// Works out a hit. `tangents` asks for `dpdu`, `dpdv` and the mesh's own tangents.
     #[inline]
     pub fn new(
         geometry: &Geometry,
@@ -49,6 +53,7 @@ impl Interaction {
         let mut point = Point::default();
         let (mut p, mut ng, mut ns);
         let (mut dpdu, mut dpdv) = (Vec3::ZERO, Vec3::ZERO);
+        let (mut tangent, mut bitangent) = (Vec3::ZERO, Vec3::ZERO);
         let mut error = 0.0;
         let transforms = (hit.instance != NONE).then(|| {
             geometry.instances[hit.instance as usize]
@@ -114,6 +119,7 @@ impl Interaction {
             point.fill(mesh, at.index, hit.u, hit.v);
             if tangents(surface.material) {
                 (dpdu, dpdv) = derivatives(mesh, at.index, [a, b, c], ng);
+                (tangent, bitangent) = mesh.tangents_at(at.index, [hit.u, hit.v], ns);
             }
         }
         if let Some((to, from)) = &transforms {
@@ -126,6 +132,8 @@ impl Interaction {
             ns = math::normalize(from.transposed_vector(ns));
             dpdu = to.vector(dpdu);
             dpdv = to.vector(dpdv);
+            tangent = to.vector(tangent);
+            bitangent = to.vector(bitangent);
         }
         point.p = p;
         point.n = ng;
@@ -142,12 +150,25 @@ impl Interaction {
             ns,
             dpdu,
             dpdv,
+            tangent,
+            bitangent,
             point,
             material: surface.material,
             emission: surface.emission,
             light,
             error,
             time: ray.time,
+        }
+    }
+
+    /// Directions in which the two axes of tangent-space maps run: the mesh's own tangents, else those
+    /// of the texture coordinates.
+    #[inline]
+    pub fn map_axes(&self) -> (Vec3, Vec3) {
+        if self.tangent == Vec3::ZERO {
+            (self.dpdu, self.dpdv)
+        } else {
+            (self.tangent, self.bitangent)
         }
     }
 

@@ -21,6 +21,7 @@ mod irradiance;
 mod lights;
 mod media;
 mod motion;
+mod normal_maps;
 mod penumbra;
 mod pictured_lights;
 mod references;
