@@ -40,10 +40,9 @@ pub fn sample(
         let wo = -ray.direction;
         let numbers = sampler.bounce(scene.geometry.level);
         let mut slot = None;
-        let shading =
-            scene
-                .materials
-                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot);
+        let shading = scene
+            .materials
+            .shade(&scene.textures, &it, wo, numbers.mix, &mut slot);
         break match shading {
             Some(shading) => (it, First::surface(&it, &shading, wo, depth)),
             None => (it, First::bare(&it, depth)),

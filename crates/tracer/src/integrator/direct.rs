@@ -70,10 +70,9 @@ fn follow(
     let wo = -ray.direction;
     let numbers = sampler.bounce(scene.geometry.level);
     let mut slot = None;
-    let shading =
-        scene
-            .materials
-            .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot)?;
+    let shading = scene
+        .materials
+        .shade(&scene.textures, &it, wo, numbers.mix, &mut slot)?;
     if !shading.bsdf.is_delta() {
         return None;
     }

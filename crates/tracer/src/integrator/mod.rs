@@ -131,7 +131,7 @@ pub(crate) fn sampled_light(
     let Some((light, pmf)) = scene.lights.choose(it.p, it.ns, u_choice) else {
         return Rgb::ZERO;
     };
-    let textures = &scene.geometry.textures;
+    let textures = &scene.textures;
     let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, u) else {
         return Rgb::ZERO;
     };
@@ -204,7 +204,7 @@ pub(crate) fn from_infinity(scene: &Scene, ray: &Ray, pdf_bsdf: Option<f32>) -> 
         let Light::Environment(e) = &scene.lights.lights[index as usize] else {
             continue;
         };
-        let le = e.le(&scene.geometry.textures.images, ray.origin, ray.direction);
+        let le = e.le(&scene.textures.images, ray.origin, ray.direction);
         let weight = match pdf_bsdf {
             None => 1.0,
             Some(pdf) => {

@@ -79,10 +79,9 @@ pub fn sample(
         }
         let numbers = sampler.bounce(scene.geometry.level);
         let mut slot = None;
-        let Some(shading) =
-            scene
-                .materials
-                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &mut slot)
+        let Some(shading) = scene
+            .materials
+            .shade(&scene.textures, &it, wo, numbers.mix, &mut slot)
         else {
             // No surface: go on in the same direction. The vertex that the direction left from, and
             // so its weight against light sampling, stay as they are.

@@ -42,7 +42,7 @@ fn trace(
     let mut slot = None;
     let Some(shading) = scene
         .materials
-        .shade(&scene.geometry.textures, &it, wo, 0.5, &mut slot)
+        .shade(&scene.textures, &it, wo, 0.5, &mut slot)
     else {
         first.get_or_insert(First::bare(&it, hit.t));
         return radiance
@@ -94,7 +94,7 @@ fn from_light(
     wo: Vec3,
     counters: &mut Counters,
 ) -> Rgb {
-    let textures = &scene.geometry.textures;
+    let textures = &scene.textures;
     let sample = match light {
         Light::Environment(_) => None,
         Light::Area(area) => {
@@ -125,7 +125,7 @@ fn point_like(
     centroid: Vec3,
     it: &Interaction,
 ) -> Option<LightSample> {
-    let textures = &scene.geometry.textures;
+    let textures = &scene.textures;
     let emission = &scene.lights.emissions[area.emission as usize];
     let d = centroid - it.p;
     let distance = math::length(d);

@@ -24,5 +24,6 @@ mod motion;
 mod normal_maps;
 mod penumbra;
 mod pictured_lights;
+mod pictures;
 mod references;
 mod robustness;
