@@ -29,6 +29,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         frame: 0,
         clamp_indirect: None,
         threads,
+        picture_bytes: u64::MAX,
     };
     let stop = StopFlag::default();
     let scene = prepare(&desc, assets.as_ref(), &settings, &stop)?;

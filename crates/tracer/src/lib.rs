@@ -77,6 +77,9 @@ pub struct PrepareSettings {
     pub clamp_indirect: Option<f32>,
     /// Threads for the preparation; never changes a bit of the result.
     pub threads: usize,
+    /// Memory that decoded pictures may take; those used longest ago are dropped and decoded again when
+    /// they are needed, which never changes a bit.
+    pub picture_bytes: u64,
 }
 
 /// The SIMD level in use: the best that the processor has, or the lower one that `BROLLY_SIMD` names

@@ -32,6 +32,8 @@ pub struct Material {
     tables: Option<PrincipledTables>,
     /// The surface's texture coordinates or colours matter.
     pub needs_coordinates: bool,
+    /// Light may go through and is bent there.
+    refracts: bool,
     /// The surface's tangents matter.
     pub needs_tangents: bool,
     /// Some texture makes use of what a pixel covers.
@@ -82,6 +84,11 @@ impl Material {
             }
             _ => {}
         }
+        let refracts = match &desc.bsdf {
+            BsdfDesc::Dielectric { .. } => true,
+            BsdfDesc::Principled(p) => p.transmission != FloatTex::Const(0.0) && !p.thin,
+            _ => false,
+        };
         let mapped = desc.normal_map.is_some() || desc.bump_map.is_some();
         let constant = constant(&desc.bsdf);
         let varies = constant.is_none() || anisotropic || mapped;
@@ -94,6 +101,7 @@ impl Material {
             coats,
             lobes,
             tables: None,
+            refracts,
             needs_tangents: anisotropic || mapped,
             // Which of them the material refers to is not worth finding out.
             needs_footprint: varies && textures.any_footprint(),
@@ -203,6 +211,8 @@ pub struct Shading<'s> {
     pub frame: Frame,
     /// Where a normal or bump map has turned the frame: the unmapped shading normal, in the frame.
     unmapped: Option<Vec3>,
+    /// Of glass whose shading normal is not the geometric one: that one, in the frame.
+    real: Option<Vec3>,
 }
 
 impl Shading<'_> {
@@ -236,8 +246,39 @@ impl Shading<'_> {
         if let (Some(n), false) = (self.unmapped, s.delta) {
             s.weight *= terminator(n, wo, s.wi);
         }
+        if let (Some(n), true, true) = (self.real, s.delta, s.transmitted) {
+            s.wi = across(n, wo, s.wi);
+        }
         Some(s)
     }
+}
+
+/// The direction of refracted light turned so far that it leaves on the other side of the surface with
+/// normal `n` than `wo`: interpolated normals may bend it back at grazing angles, and light that counts
+/// as gone through but is still inside would carry the wrong radiance ever after.
+fn across(n: Vec3, wo: Vec3, wi: Vec3) -> Vec3 {
+    let side = if math::dot(n, wo) < 0.0 { -1.0 } else { 1.0 };
+    let height = math::dot(n, wi) * side;
+    if height < 0.0 {
+        return wi;
+    }
+    math::normalize(wi - n * ((height + LEAST) * side))
+}
+
+/// Least height above a surface that directions and normals are lifted to.
+const LEAST: f32 = 0.01;
+
+/// A normal turned so far that `wo` sees it and that its mirror direction lies on the same side of the
+/// surface with normal `base` as `wo`.
+fn visible(normal: Vec3, base: Vec3, wo: Vec3) -> Vec3 {
+    let up = math::faceforward(base, wo);
+    let side = if up == base { 1.0 } else { -1.0 };
+    let mut seen = normal * side;
+    let cos = seen.dot(wo);
+    if cos < LEAST {
+        seen = math::normalize(seen + wo * (LEAST - cos));
+    }
+    bsdf::lifted(wo, seen, up) * side
 }
 
 /// Factor in [0, 1] on reflected light where a map has turned the normal away from `n`: light that grazes
@@ -317,24 +358,31 @@ impl Materials {
         slots: &'s Slots<'s>,
     ) -> Option<Shading<'s>> {
         let mut material = &self.list[it.material as usize];
-        if let (Some(bsdf), false) = (&material.constant, material.needs_tangents) {
+        let bends = material.refracts && it.ns != it.ng;
+        if let (Some(bsdf), false, false) = (&material.constant, material.needs_tangents, bends) {
             return Some(Shading {
                 bsdf,
                 frame: Frame::from_normal(it.ns),
                 unmapped: None,
+                real: None,
             });
         }
         material = self.resolve(textures, it, u);
-        let mut unmapped = None;
+        let mut ns = it.ns;
+        if material.needs_tangents {
+            ns = material.perturbed(textures, it, wo);
+        }
+        let mapped = ns != it.ns;
+        // Glass must agree with its geometry about which side is which: what leaks out as if reflected
+        // would keep the radiance that it has inside.
+        let glass = material.refracts && ns != it.ng;
+        if glass {
+            ns = visible(ns, it.ng, wo);
+        }
         let frame = if material.needs_tangents {
-            let ns = material.perturbed(textures, it, wo);
-            let frame = material.turned(textures, it, shading_frame(ns, it.dpdu));
-            if ns != it.ns {
-                unmapped = Some(frame.to_local(it.ns));
-            }
-            frame
+            material.turned(textures, it, shading_frame(ns, it.map_axes().0))
         } else {
-            Frame::from_normal(it.ns)
+            Frame::from_normal(ns)
         };
         let bsdf = match &material.constant {
             Some(bsdf) => bsdf,
@@ -346,7 +394,8 @@ impl Materials {
         Some(Shading {
             bsdf,
             frame,
-            unmapped,
+            unmapped: mapped.then(|| frame.to_local(it.ns)),
+            real: glass.then(|| frame.to_local(it.ng)),
         })
     }
 
@@ -595,7 +644,7 @@ impl Material {
         let (sin, cos) = math::sin_cos_2pi(turn - turn.floor());
         let along = Vec2::new(along.x * cos - along.y * sin, along.x * sin + along.y * cos);
         // The second axis follows v, also where the texture is mirrored.
-        let t = if frame.t.dot(it.dpdv) < 0.0 {
+        let t = if frame.t.dot(it.map_axes().1) < 0.0 {
             -frame.t
         } else {
             frame.t
@@ -635,18 +684,10 @@ impl Material {
         if ns.dot(it.ng) * it.ns.dot(it.ng) <= 0.0 {
             return it.ns;
         }
-        const LEAST: f32 = 0.01;
-        let up = math::faceforward(it.ns, wo);
-        if up.dot(wo) <= LEAST {
+        if it.ns.dot(wo).abs() <= LEAST {
             return ns;
         }
-        let side = if up == it.ns { 1.0 } else { -1.0 };
-        let mut seen = ns * side;
-        let cos = seen.dot(wo);
-        if cos < LEAST {
-            seen = math::normalize(seen + wo * (LEAST - cos));
-        }
-        bsdf::lifted(wo, seen, up) * side
+        visible(ns, it.ns, wo)
     }
 }
 
@@ -660,20 +701,26 @@ fn coat_curve(p: &model::Principled) -> (u32, bool, bool) {
     (p.coat_ior.to_bits(), false, false)
 }
 
+/// Least height of the normals of a normal map, before it is scaled to unit length.
+const STEEPEST: f32 = 0.05;
+
 /// The shading normal after a tangent-space normal map.
 fn mapped(textures: &Textures, it: &Interaction, texture: usize, strength: f32) -> Vec3 {
     let [r, g, b, _] = textures.eval(texture, &it.point);
+    // Maps that point into the surface go to its horizon: the normal must not leap back where a slope
+    // grows too steep.
     let local = Vec3::new(
         (2.0 * r - 1.0) * strength,
         (2.0 * g - 1.0) * strength,
-        2.0 * b - 1.0,
+        (2.0 * b - 1.0).max(STEEPEST),
     );
     if local.dot(local) <= 0.0 {
         return it.ns;
     }
-    let mut frame = shading_frame(it.ns, it.dpdu);
+    let (along, up) = it.map_axes();
+    let mut frame = shading_frame(it.ns, along);
     // The second axis follows v, also where the texture is mirrored.
-    if frame.t.dot(it.dpdv) < 0.0 {
+    if frame.t.dot(up) < 0.0 {
         frame.t = -frame.t;
     }
     math::normalize(frame.to_world(math::normalize(local)))

@@ -21,6 +21,7 @@ pub fn render_unit(
     let tile = scene.grid.tile(unit.tile);
     let mut buffer = SampleBuffer::new(tile, unit.samples);
     let mut counters = Counters::default();
+    let mut scene = scene.view();
     for y in 0..tile.height {
         for x in 0..tile.width {
             if stop.is_stopped() {
@@ -37,8 +38,9 @@ pub fn render_unit(
                 if index & 63 == 63 && stop.is_stopped() {
                     return None;
                 }
+                scene.textures.refresh();
                 let mut sampler = Sampler::start(&mut points, index);
-                let sample = render_sample(scene, pixel, &mut sampler, &mut counters);
+                let sample = render_sample(&scene, pixel, &mut sampler, &mut counters);
                 counters.samples += 1;
                 if buffer.add(x, y, index, &sample).is_err() {
                     counters.rejected += 1;

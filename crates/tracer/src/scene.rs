@@ -10,28 +10,32 @@ use crate::material::Materials;
 use crate::math::Rgb;
 use crate::medium::Media;
 use crate::ray::{Hit, NONE, Ray};
+use crate::texture::Textures;
 use ::scene::model::{Integrator, SamplerKind};
 use film::TileGrid;
 use glam::Vec3;
+use std::sync::Arc;
 
 /// A scene ready to be rendered.
 pub struct Scene {
     /// What rays meet.
-    pub geometry: Geometry,
+    pub geometry: Arc<Geometry>,
+    /// What it looks like. A unit of work has its own: see [`Scene::view`].
+    pub textures: Textures,
     /// How it scatters.
-    pub materials: Materials,
+    pub materials: Arc<Materials>,
     /// What shines.
-    pub lights: Lights,
+    pub lights: Arc<Lights>,
     /// What lies between surfaces.
-    pub media: Media,
+    pub media: Arc<Media>,
     /// Whether anything lies there: rays must then know where they are.
     pub has_media: bool,
     /// The view.
-    pub camera: Camera,
+    pub camera: Arc<Camera>,
     /// How much of a surface a pixel covers.
     pub view: PixelView,
     /// Reconstruction filter.
-    pub filter: FilterSampler,
+    pub filter: Arc<FilterSampler>,
     /// How light is gathered.
     pub integrator: Integrator,
     /// Which points a pixel is sampled at.
@@ -58,6 +62,21 @@ impl Scene {
     /// How the picture is cut into tiles.
     pub fn grid(&self) -> TileGrid {
         self.grid
+    }
+
+    /// The same scene for one unit of work: it holds pictures of its own, so that others may be dropped
+    /// between its samples.
+    pub(crate) fn view(&self) -> Scene {
+        Scene {
+            geometry: self.geometry.clone(),
+            textures: self.textures.view(),
+            materials: self.materials.clone(),
+            lights: self.lights.clone(),
+            media: self.media.clone(),
+            camera: self.camera.clone(),
+            filter: self.filter.clone(),
+            ..*self
+        }
     }
 
     /// Memory held, for the worker's budget.
@@ -110,10 +129,6 @@ impl Scene {
         if it.emission == NONE {
             return Rgb::ZERO;
         }
-        self.lights.emissions[it.emission as usize].le(
-            &self.geometry.textures,
-            &it.point,
-            it.ng.dot(wo),
-        )
+        self.lights.emissions[it.emission as usize].le(&self.textures, &it.point, it.ng.dot(wo))
     }
 }

@@ -103,10 +103,11 @@ impl SceneCache {
             .insert(key.clone(), Entry::Preparing { stop: stop.clone() });
         let (assets, gate, events) = (self.assets.clone(), self.gate.clone(), self.events.clone());
         let (key, spec, threads) = (key.clone(), spec.clone(), self.threads);
+        let picture_bytes = self.budget_bytes / 2;
         self.tasks.spawn(async move {
             let _turn = gate.acquire_owned().await; // the semaphore is never closed
             let begin = Instant::now();
-            let result = prepare(&assets, spec, key.frame, threads, stop).await;
+            let result = prepare(&assets, spec, key.frame, threads, picture_bytes, stop).await;
             let seconds = begin.elapsed().as_secs_f64();
             // Nobody listens only when the worker is gone.
             let _ = events.send(Prepared {
@@ -182,6 +183,7 @@ async fn prepare(
     spec: Arc<JobSpec>,
     frame: u32,
     threads: usize,
+    picture_bytes: u64,
     stop: Arc<StopFlag>,
 ) -> Result<Arc<Scene>, PrepareFailure> {
     let failure = |reason: String| PrepareFailure {
@@ -212,6 +214,7 @@ async fn prepare(
             frame,
             clamp_indirect: spec.overrides.clamp_indirect,
             threads,
+            picture_bytes,
         };
         tracer::prepare(&desc, &source, &settings, &stop)
             .map(Arc::new)

@@ -77,6 +77,7 @@ impl RawWorker {
             frame: lease.at.unit.frame,
             clamp_indirect: None,
             threads: 1,
+            picture_bytes: u64::MAX,
         };
         let stop = StopFlag::default();
         let scene = tracer::prepare(&desc, &source, &settings, &stop).expect("prepared");

@@ -8,6 +8,7 @@ mod polygon;
 #[cfg(test)]
 pub(super) mod tests;
 
+use super::gltf::tangents;
 use super::{Imported, stage};
 use crate::context::{Context, Issue};
 use crate::diagnostic::Place;
@@ -325,7 +326,7 @@ impl Reader<'_, '_> {
                 mesh.normals = Arc::new(part.order.iter().map(normal).collect());
             }
             if surface.tangents && has_uv {
-                super::gltf::tangents::generate(&mut mesh);
+                tangents::generate(&mut mesh, 0, &tangents::PLAIN);
             }
             let id = self.cx.add_mesh(&self.place, mesh)?;
             desc.primitives.push(Primitive {

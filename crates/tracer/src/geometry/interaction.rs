@@ -30,6 +30,10 @@ pub struct Interaction {
     pub dpdu: Vec3,
     /// See `dpdu`.
     pub dpdv: Vec3,
+    /// The mesh's own tangent and bitangent, of any length; zero where it has none.
+    pub tangent: Vec3,
+    /// See `tangent`.
+    pub bitangent: Vec3,
     /// What textures depend on.
     pub point: Point,
     /// Index into the materials.
@@ -58,6 +62,8 @@ impl Interaction {
         ns: Vec3::Z,
         dpdu: Vec3::ZERO,
         dpdv: Vec3::ZERO,
+        tangent: Vec3::ZERO,
+        bitangent: Vec3::ZERO,
         point: Point::NONE,
         material: NONE,
         emission: NONE,
@@ -147,6 +153,7 @@ impl Interaction {
         }
         if needs.tangents {
             (self.dpdu, self.dpdv) = derivatives(mesh, index, [a, b, c], self.ng);
+            (self.tangent, self.bitangent) = mesh.tangents_at(index, [hit.u, hit.v], self.ns);
         }
     }
 
@@ -211,6 +218,19 @@ impl Interaction {
         self.ns = math::normalize(from.transposed_vector(self.ns));
         self.dpdu = to.vector(self.dpdu);
         self.dpdv = to.vector(self.dpdv);
+        self.tangent = to.vector(self.tangent);
+        self.bitangent = to.vector(self.bitangent);
+    }
+
+    /// Directions in which the two axes of tangent-space maps run: the mesh's own tangents, else those
+    /// of the texture coordinates.
+    #[inline]
+    pub fn map_axes(&self) -> (Vec3, Vec3) {
+        if self.tangent == Vec3::ZERO {
+            (self.dpdu, self.dpdv)
+        } else {
+            (self.tangent, self.bitangent)
+        }
     }
 
     /// Where a ray that leaves in direction `w` starts: off the surface, on the side it goes to.

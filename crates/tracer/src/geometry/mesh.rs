@@ -11,7 +11,7 @@ pub struct TriMesh {
     pub positions: Vec<Vec3>,
     /// Shading normals, unit length.
     pub normals: Vec<Vec3>,
-    /// Tangents with the sign of the bitangent.
+    /// Tangents with the sign of the bitangent n x t.
     pub tangents: Vec<(Vec3, f32)>,
     /// Texture coordinates by set.
     pub uvs: Vec<Vec<Vec2>>,
@@ -61,9 +61,12 @@ impl TriMesh {
                 Vec3::ZERO
             }
         };
+        // A mirror turns n x t round, and so do normals that are turned round themselves.
+        let mirrored = transform.matrix3.determinant() < 0.0;
+        let hand = if mirrored { -sign as f32 } else { sign as f32 };
         let tangent = |t: &[f32; 4]| {
             let m = transform.matrix3 * glam::DVec3::new(t[0] as f64, t[1] as f64, t[2] as f64);
-            (Vec3::new(m.x as f32, m.y as f32, m.z as f32), t[3])
+            (Vec3::new(m.x as f32, m.y as f32, m.z as f32), t[3] * hand)
         };
         let deformation: Option<&Arc<Deformation>> = mesh.deformation.as_ref();
         TriMesh {
@@ -121,6 +124,18 @@ impl TriMesh {
             _ => self.normals[i as usize],
         };
         Some(corners.map(|i| at(a, i) * (1.0 - f) + at(b, i) * f))
+    }
+
+    /// Tangent and bitangent at a point of a triangle with normal `n`, not of unit length; zero without
+    /// tangents, and where the mesh deforms: its tangents are those of one moment.
+    pub fn tangents_at(&self, triangle: u32, [u, v]: [f32; 2], n: Vec3) -> (Vec3, Vec3) {
+        if self.tangents.is_empty() || !self.keys.is_empty() {
+            return (Vec3::ZERO, Vec3::ZERO);
+        }
+        let corners = self.indices[triangle as usize];
+        let [(a, sign), (b, _), (c, _)] = corners.map(|i| self.tangents[i as usize]);
+        let t = a * (1.0 - u - v) + b * u + c * v;
+        (t, n.cross(t) * sign)
     }
 
     /// Key before, key after and where between; key 0 is the mesh itself.

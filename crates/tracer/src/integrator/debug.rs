@@ -43,7 +43,7 @@ pub fn sample(
         let slots = Slots::default();
         let shading = scene
             .materials
-            .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots);
+            .shade(&scene.textures, &it, wo, numbers.mix, &slots);
         break match shading {
             Some(shading) => (it, First::surface(&it, &shading, wo, depth)),
             None => (it, First::bare(&it, depth)),

@@ -73,7 +73,7 @@ fn follow(
     let slots = Slots::default();
     let shading = scene
         .materials
-        .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots)?;
+        .shade(&scene.textures, &it, wo, numbers.mix, &slots)?;
     if !shading.bsdf.is_delta() {
         return None;
     }

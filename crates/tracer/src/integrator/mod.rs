@@ -12,9 +12,10 @@ use crate::light::{Aim, Light, LightSample};
 use crate::material::Shading;
 use crate::math::Rgb;
 use crate::ray::{Hit, NONE, Ray};
+use crate::sampler::BounceNumbers;
 use crate::scene::Scene;
 use film::{Counters, LayerSample};
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 
 /// Surfaces without scattering (interfaces) that a path passes at most.
 const PASS_MAX: u32 = 1000;
@@ -125,15 +126,15 @@ pub(crate) fn sampled_light(
     shading: &Shading,
     aim: Aim,
     wo_local: Vec3,
-    u_choice: f32,
-    u: Vec2,
+    numbers: &BounceNumbers,
     counters: &mut Counters,
 ) -> Rgb {
-    let Some((light, pmf)) = scene.lights.choose(it.p, aim, u_choice) else {
+    let Some((light, pmf)) = scene.lights.choose(it.p, aim, numbers.light_choice) else {
         return Rgb::ZERO;
     };
-    let textures = &scene.geometry.textures;
-    let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, u) else {
+    let textures = &scene.textures;
+    let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, numbers.light)
+    else {
         return Rgb::ZERO;
     };
     let wi = shading.frame.to_local(sample.wi);
@@ -205,7 +206,7 @@ pub(crate) fn from_infinity(scene: &Scene, ray: &Ray, pdf_bsdf: Option<f32>) -> 
         let Light::Environment(e) = &scene.lights.lights[index as usize] else {
             continue;
         };
-        let le = e.le(&scene.geometry.textures.images, ray.origin, ray.direction);
+        let le = e.le(&scene.textures.images, ray.origin, ray.direction);
         let weight = match pdf_bsdf {
             None => 1.0,
             Some(pdf) => {

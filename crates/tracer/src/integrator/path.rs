@@ -83,10 +83,9 @@ pub fn sample(
         }
         let numbers = sampler.bounce(scene.geometry.level);
         let slots = Slots::default();
-        let Some(shading) =
-            scene
-                .materials
-                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots)
+        let Some(shading) = scene
+            .materials
+            .shade(&scene.textures, &it, wo, numbers.mix, &slots)
         else {
             // No surface: go on in the same direction. The vertex that the direction left from, and
             // so its weight against light sampling, stay as they are.
@@ -110,16 +109,7 @@ pub fn sample(
         let wo_local = shading.frame.to_local(wo);
         let aim = shading.aim(wo_local);
         if !shading.bsdf.is_delta() {
-            let l = sampled_light(
-                scene,
-                &it,
-                &shading,
-                aim,
-                wo_local,
-                numbers.light_choice,
-                numbers.light,
-                counters,
-            );
+            let l = sampled_light(scene, &it, &shading, aim, wo_local, &numbers, counters);
             if l != Rgb::ZERO {
                 radiance += bounded(scene, throughput * l, depth);
             }

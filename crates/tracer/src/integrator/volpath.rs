@@ -181,10 +181,9 @@ pub fn sample(
         let surface: &Surface = scene.geometry.surface_of(&hit);
         let numbers = sampler.bounce(scene.geometry.level);
         let slots = Slots::default();
-        let Some(shading) =
-            scene
-                .materials
-                .shade(&scene.geometry.textures, &it, wo, numbers.mix, &slots)
+        let Some(shading) = scene
+            .materials
+            .shade(&scene.textures, &it, wo, numbers.mix, &slots)
         else {
             // A border without a surface: on in the same direction. The vertex that the direction left
             // from, and its weight against light sampling, stay as they are.
@@ -268,7 +267,7 @@ fn from_infinity(scene: &Scene, ray: &Ray, carried: &Carried, by_lights: bool) -
         let Light::Environment(e) = &scene.lights.lights[index as usize] else {
             continue;
         };
-        let le = e.le(&scene.geometry.textures.images, ray.origin, ray.direction);
+        let le = e.le(&scene.textures.images, ray.origin, ray.direction);
         let mut density = carried.unidirectional;
         if by_lights {
             density +=
@@ -299,7 +298,7 @@ fn light(
     let Some((light, pmf)) = scene.lights.choose(p, aim, numbers.light_choice) else {
         return Rgb::ZERO;
     };
-    let textures = &scene.geometry.textures;
+    let textures = &scene.textures;
     let Some(sample) = light.sample_li(textures, &scene.lights.emissions, p, numbers.light) else {
         return Rgb::ZERO;
     };

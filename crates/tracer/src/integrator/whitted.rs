@@ -41,10 +41,7 @@ fn trace(
     let mut radiance = scene.emitted(&it, wo);
     // A mix has no place in this model: its larger part stands for it.
     let slots = Slots::default();
-    let Some(shading) = scene
-        .materials
-        .shade(&scene.geometry.textures, &it, wo, 0.5, &slots)
-    else {
+    let Some(shading) = scene.materials.shade(&scene.textures, &it, wo, 0.5, &slots) else {
         first.get_or_insert(First::bare(&it, hit.t));
         return radiance
             + if depth_left > 0 {
@@ -95,7 +92,7 @@ fn from_light(
     wo: Vec3,
     counters: &mut Counters,
 ) -> Rgb {
-    let textures = &scene.geometry.textures;
+    let textures = &scene.textures;
     let sample = match light {
         Light::Environment(_) => None,
         Light::Area(area) => {
@@ -126,7 +123,7 @@ fn point_like(
     centroid: Vec3,
     it: &Interaction,
 ) -> Option<LightSample> {
-    let textures = &scene.geometry.textures;
+    let textures = &scene.textures;
     let emission = &scene.lights.emissions[area.emission as usize];
     let d = centroid - it.p;
     let distance = math::length(d);

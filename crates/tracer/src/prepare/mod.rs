@@ -15,13 +15,13 @@ use crate::math::{self, Rgb};
 use crate::medium::Media;
 use crate::scene::Scene;
 use crate::texture::Textures;
-use crate::texture::image::{Image, ImageLoader};
+use crate::texture::image::Image;
 use crate::{PrepareError, PrepareSettings, StopFlag};
 use ::scene::AssetSource;
 use ::scene::model::{self, SceneDesc};
 use film::TileGrid;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Compiles a description into a [`Scene`].
 pub fn prepare(
@@ -53,32 +53,25 @@ fn compile(
     let film = &desc.film;
     let camera = Camera::new(&desc.camera, [film.width, film.height], open_at);
 
-    // A pyramid is only built for pictures that some texture looks up over an area.
-    let mut filtered = vec![false; desc.images.len()];
-    for texture in &desc.textures {
-        if let model::Texture::Image {
-            image,
-            mip: Some(_),
-            ..
-        } = texture
-        {
-            filtered[image.index()] = true;
+    let mut of_lights = vec![false; desc.images.len()];
+    for light in &desc.lights {
+        if let Some(image) = image_of(light) {
+            of_lights[image.index()] = true;
         }
     }
-    let loader = ImageLoader::default();
-    let images: Vec<Image> = desc
-        .images
-        .par_iter()
-        .zip(&filtered)
-        .map(|(image, filtered)| {
-            if stop.is_stopped() {
-                Err(PrepareError::Stopped)
-            } else {
-                loader.load(image, *filtered, assets)
-            }
-        })
-        .collect::<Result<_, _>>()?;
-    let textures = Textures::new(desc.textures.clone(), images);
+    let in_groups = desc.groups.iter().flat_map(|g| &g.primitives);
+    let coverage: Vec<_> = (desc.primitives.iter().chain(in_groups))
+        .filter_map(|p| p.alpha)
+        .collect();
+    let textures = Textures::load(
+        desc.textures.clone(),
+        &desc.images,
+        &of_lights,
+        &coverage,
+        settings.picture_bytes,
+        assets,
+        stop,
+    )?;
 
     let mut materials = Materials::new(&desc.materials, &textures);
     if desc.integrator == scene::model::Integrator::Uv {
@@ -93,6 +86,8 @@ fn compile(
     }
     let emissions = placed.emissions;
     let lights = Lights::new(lights, light_of, emissions, &textures, crate::simd());
+    // What the preparation looked at need not stay.
+    let textures = textures.view();
     let has_media = media.camera.is_some() || surfaces.iter().any(|s| s.media.is_some());
     let has_alpha = surfaces.iter().any(|s| s.alpha.is_some());
     let geometry = Geometry {
@@ -103,22 +98,23 @@ fn compile(
         surfaces,
         meshes: placed.meshes,
         curves: placed.curves,
-        textures,
+        textures: textures.view(),
         has_alpha,
     };
     let [x0, y0, x1, y1] = film.crop.unwrap_or([0, 0, film.width, film.height]);
     Ok(Scene {
-        geometry: Geometry {
+        geometry: Arc::new(Geometry {
             level: crate::simd(),
             ..geometry
-        },
-        materials,
-        lights,
-        media,
+        }),
+        textures,
+        materials: Arc::new(materials),
+        lights: Arc::new(lights),
+        media: Arc::new(media),
         has_media,
         view: camera.pixel_view([film.width, film.height]),
-        camera,
-        filter: FilterSampler::new(&film.filter),
+        camera: Arc::new(camera),
+        filter: Arc::new(FilterSampler::new(&film.filter)),
         integrator: desc.integrator,
         sampler: desc.sampler,
         seed: settings.seed,
@@ -163,6 +159,17 @@ fn check_media(desc: &SceneDesc) -> Result<(), PrepareError> {
         }
     }
     Ok(())
+}
+
+/// The picture that a light shines through.
+fn image_of(light: &model::Light) -> Option<model::ImageId> {
+    match light {
+        model::Light::Environment { image, .. } => image.map(|(id, _)| id),
+        model::Light::Goniometric { image, .. } | model::Light::Projection { image, .. } => {
+            Some(*image)
+        }
+        _ => None,
+    }
 }
 
 fn convert(light: &model::Light, images: &[Image]) -> Light {

@@ -6,12 +6,9 @@
 use super::decode::{self, Pixels, Raw};
 use super::mapping::pixel;
 use super::mip::Pyramid;
-use crate::PrepareError;
 use glam::Vec2;
-use scene::AssetSource;
-use scene::model::{Encoding, ImageDesc, MipFilter, Wrap};
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use scene::model::{Encoding, MipFilter, Wrap};
+use std::sync::Arc;
 
 /// A picture ready for lookup, top row first.
 #[derive(Clone)]
@@ -79,7 +76,19 @@ impl Image {
         Image::new(Arc::new(raw), Encoding::Srgb)
     }
 
-    fn new(raw: Arc<Raw>, encoding: Encoding) -> Image {
+    /// A pixel that no sample survives.
+    pub(super) fn not_a_number() -> Image {
+        let raw = Raw {
+            width: 1,
+            height: 1,
+            channels: 1,
+            pixels: Pixels::Floats(Box::new([f32::NAN])),
+        };
+        Image::new(Arc::new(raw), Encoding::Linear)
+    }
+
+    /// From what was decoded.
+    pub(super) fn new(raw: Arc<Raw>, encoding: Encoding) -> Image {
         let (raw, table) = match &raw.pixels {
             Pixels::Bytes(_) => {
                 let apply = transfer(encoding, false);
@@ -120,6 +129,11 @@ impl Image {
     /// Decodes a picture from memory; the ending of `name` decides only what its content leaves open.
     pub fn decode(name: &str, bytes: &[u8], encoding: Encoding) -> Result<Image, String> {
         Ok(Image::new(Arc::new(decode::decode(name, bytes)?), encoding))
+    }
+
+    /// The pixels as they were decoded, for another picture of the same file; floats may be others.
+    pub(super) fn raw_as_decoded(&self) -> Option<Arc<Raw>> {
+        self.is_unit().then(|| self.raw.clone())
     }
 
     /// Builds the pyramid that filtered lookups need.
@@ -273,68 +287,4 @@ fn from_srgb(x: f32) -> f32 {
         libm::pow((x + 0.055) / 1.055, 2.4)
     };
     y as f32
-}
-
-/// A result that whoever comes first works out and all others wait for.
-type Once<T> = Arc<OnceLock<Result<T, String>>>;
-
-/// Content, encoding, and whether there is a pyramid.
-type FinishedKey = ([u8; 32], u64, bool);
-
-/// Pictures of a scene on their way in: what is decoded already, by content.
-#[derive(Default)]
-pub struct ImageLoader {
-    decoded: Mutex<BTreeMap<[u8; 32], Once<Arc<Raw>>>>,
-    finished: Mutex<BTreeMap<FinishedKey, Once<Image>>>,
-}
-
-impl ImageLoader {
-    /// Reads a picture, and decodes it unless another with the same bytes was decoded before.
-    /// `filtered` asks for a pyramid. May be called from several threads.
-    pub fn load(
-        &self,
-        desc: &ImageDesc,
-        filtered: bool,
-        assets: &dyn AssetSource,
-    ) -> Result<Image, PrepareError> {
-        if desc.missing {
-            return Ok(Image::stand_in());
-        }
-        let bytes = match &desc.bytes {
-            Some(inside) => inside.clone(),
-            None => assets.read(&desc.path)?,
-        };
-        // The name matters to the decoder only where the content has no mark of its own.
-        let mut hash = blake3::Hasher::new();
-        hash.update(&bytes);
-        hash.update(decode::ending(&desc.path).as_bytes());
-        let key = *hash.finalize().as_bytes();
-        let encoding = match desc.encoding {
-            Encoding::Auto => 0,
-            Encoding::Srgb => 1,
-            Encoding::Linear => 2,
-            Encoding::GammaMicros(micros) => 3 + u64::from(micros),
-        };
-        let finished = slot(&self.finished, (key, encoding, filtered));
-        let result = finished.get_or_init(|| {
-            let decoded = slot(&self.decoded, key);
-            let raw = decoded.get_or_init(|| decode::decode(&desc.path, &bytes).map(Arc::new));
-            let image = Image::new(raw.clone()?, desc.encoding);
-            Ok(if filtered {
-                image.with_pyramid()
-            } else {
-                image
-            })
-        });
-        result.clone().map_err(|reason| PrepareError::Decode {
-            path: desc.path.clone(),
-            reason,
-        })
-    }
-}
-
-/// The slot of a key, made if it is new.
-fn slot<K: Ord, T>(map: &Mutex<BTreeMap<K, Once<T>>>, key: K) -> Once<T> {
-    let mut map = map.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-    map.entry(key).or_default().clone()
 }

@@ -5,13 +5,18 @@ pub mod image;
 mod mapping;
 mod mip;
 mod pattern;
+mod pool;
 
 use crate::geometry::TriMesh;
 use crate::math::Rgb;
+use crate::{PrepareError, StopFlag};
 use glam::{DVec3, Vec2, Vec3};
 use image::Image;
 use mapping::locate;
-use scene::model::{Channel, ColorTex, FloatOrColor, FloatTex, Texture};
+pub(crate) use pool::{PictureFacts, Pool, Wanted};
+use scene::AssetSource;
+use scene::model::{Channel, ColorTex, FloatOrColor, FloatTex, ImageDesc, Texture, TextureId};
+use std::sync::{Arc, OnceLock};
 
 /// What textures may depend on.
 #[derive(Clone, Copy, Debug)]
@@ -86,17 +91,23 @@ impl Point {
     }
 }
 
-/// All textures and pictures of a scene.
+/// All textures of a scene, and hands on those of its pictures that were looked up through them: what
+/// is held here stays in memory until [`Textures::refresh`]. A unit of work has its own.
 #[derive(Default)]
 pub struct Textures {
     /// Each refers only to textures before it.
-    pub nodes: Vec<Texture>,
-    /// Decoded pictures.
-    pub images: Vec<Image>,
+    nodes: Arc<[Texture]>,
+    /// The pictures of lights, which stay in memory; for the others only something in their place.
+    pub images: Arc<[Image]>,
     /// What is known of each node beforehand.
-    facts: Vec<Facts>,
+    facts: Arc<[Facts]>,
     /// Some node asks for the normal.
     pub(crate) directional: bool,
+    pool: Arc<Pool>,
+    /// By image: what was looked up.
+    held: Arc<[OnceLock<Image>]>,
+    /// How many pictures the pool had dropped when nothing was held.
+    dropped: u64,
 }
 
 /// What is known of a node of [`Textures`] beforehand.
@@ -111,20 +122,79 @@ struct Facts {
 }
 
 impl Textures {
-    /// Works out what is needed beforehand. `nodes` refer to `images` that are there, and to nodes
-    /// before them.
+    /// Of pictures that are in memory. `nodes` refer to `images` that are there, and to nodes before
+    /// them.
     pub fn new(nodes: Vec<Texture>, images: Vec<Image>) -> Textures {
+        let known: Vec<_> = images.iter().map(|i| PictureFacts::of(i, true)).collect();
+        let stays = vec![true; images.len()];
+        Textures::with(nodes, Pool::of_images(images), &known, &stays)
+    }
+
+    /// Reads and decodes the pictures, of which as many stay in memory as `budget_bytes` allow, and
+    /// those of lights and of `coverage` in any case. `nodes` refer to images that are there, and to
+    /// nodes before them.
+    pub(crate) fn load(
+        nodes: Vec<Texture>,
+        images: &[ImageDesc],
+        of_lights: &[bool],
+        coverage: &[FloatTex],
+        budget_bytes: u64,
+        assets: &dyn AssetSource,
+        stop: &StopFlag,
+    ) -> Result<Textures, PrepareError> {
+        let mut wanted = vec![Wanted::default(); images.len()];
+        let mut in_coverage = vec![false; nodes.len()];
+        for value in coverage {
+            if let FloatTex::Texture(id, _) = value {
+                in_coverage[id.index()] = true;
+            }
+        }
+        // Each refers only to textures before it.
+        for (i, node) in nodes.iter().enumerate().rev() {
+            if in_coverage[i] {
+                refer(node, &mut |id| in_coverage[id.index()] = true);
+            }
+        }
+        for (i, node) in nodes.iter().enumerate() {
+            match node {
+                // A pyramid is only built for pictures that some texture looks up over an area.
+                Texture::Image { image, mip, .. } => {
+                    wanted[image.index()].filtered |= mip.is_some();
+                    wanted[image.index()].stays |= in_coverage[i];
+                }
+                Texture::UnitMean { texture } => {
+                    if let Texture::Image { image, .. } = &nodes[texture.index()] {
+                        wanted[image.index()].mean = true;
+                    }
+                }
+                _ => {}
+            }
+        }
+        for (wanted, of_light) in wanted.iter_mut().zip(of_lights) {
+            wanted.stays |= of_light;
+        }
+        let (pool, known) = Pool::load(images, &wanted, budget_bytes, assets, stop)?;
+        Ok(Textures::with(nodes, pool, &known, of_lights))
+    }
+
+    /// Works out what is needed beforehand.
+    fn with(
+        nodes: Vec<Texture>,
+        pool: Pool,
+        known: &[PictureFacts],
+        of_lights: &[bool],
+    ) -> Textures {
         let mut facts: Vec<Facts> = Vec::with_capacity(nodes.len());
         for node in &nodes {
             let footprint = matches!(node, Texture::Image { mip: Some(_), .. });
             let opaque = match node {
-                Texture::Image { image, .. } => images[image.index()].is_opaque(),
+                Texture::Image { image, .. } => known[image.index()].opaque,
                 _ => false,
             };
             let factor = match node {
                 Texture::UnitMean { texture } => match &nodes[texture.index()] {
                     Texture::Image { image, .. } => {
-                        let mean = images[image.index()].mean_luminance();
+                        let mean = known[image.index()].mean;
                         if mean > 0.0 { (1.0 / mean) as f32 } else { 0.0 }
                     }
                     _ => 1.0,
@@ -140,12 +210,58 @@ impl Textures {
         let directional = nodes
             .iter()
             .any(|node| matches!(node, Texture::DirectionMix { .. }));
+        let nothing = Image::stand_in();
+        let image = |(i, of_light): (usize, &bool)| {
+            if *of_light {
+                pool.get(i)
+            } else {
+                nothing.clone()
+            }
+        };
         Textures {
-            nodes,
-            images,
-            facts,
+            nodes: nodes.into(),
+            images: of_lights.iter().enumerate().map(image).collect(),
+            facts: facts.into(),
             directional,
+            held: none_held(known.len()),
+            dropped: pool.dropped(),
+            pool: Arc::new(pool),
         }
+    }
+
+    /// The same textures, holding nothing yet.
+    pub(crate) fn view(&self) -> Textures {
+        let complete = self.pool.is_complete();
+        Textures {
+            nodes: self.nodes.clone(),
+            images: self.images.clone(),
+            facts: self.facts.clone(),
+            directional: self.directional,
+            pool: self.pool.clone(),
+            // What is there to stay may be held in common.
+            held: if complete {
+                self.held.clone()
+            } else {
+                none_held(self.held.len())
+            },
+            dropped: self.pool.dropped(),
+        }
+    }
+
+    /// Lets go of all pictures if others had to be dropped meanwhile, so that their memory is free.
+    #[inline]
+    pub(crate) fn refresh(&mut self) {
+        let dropped = self.pool.dropped();
+        if dropped != self.dropped {
+            self.dropped = dropped;
+            self.held = none_held(self.held.len());
+        }
+    }
+
+    /// A picture; decoded first if it is not in memory.
+    #[inline]
+    fn picture(&self, image: usize) -> &Image {
+        self.held[image].get_or_init(|| self.pool.get(image))
     }
 
     /// Whether some texture makes use of footprints.
@@ -167,7 +283,7 @@ impl Textures {
                 scale,
             } => {
                 let st = locate(map, at);
-                let image = &self.images[image.index()];
+                let image = self.picture(image.index());
                 let mut texel = match mip {
                     Some(filter) if at.footprint != Footprint::default() => {
                         let axes = [0, 1].map(|i| mapping::offset(map, st, &at.moved(i)));
@@ -294,17 +410,65 @@ impl Textures {
 
     /// Memory held by the pictures, those that share their pixels counted once.
     pub fn memory_bytes(&self) -> usize {
-        let mut seen: Vec<usize> = vec![];
-        let mut sum = 0;
-        for image in &self.images {
-            for (key, bytes) in image.parts() {
-                if !seen.contains(&key) {
-                    seen.push(key);
-                    sum += bytes;
-                }
+        self.pool.memory_bytes()
+    }
+}
+
+fn none_held(count: usize) -> Arc<[OnceLock<Image>]> {
+    (0..count).map(|_| OnceLock::new()).collect()
+}
+
+/// Tells which textures a texture refers to.
+fn refer(node: &Texture, tell: &mut impl FnMut(TextureId)) {
+    let mut float = |t: &FloatTex| {
+        if let FloatTex::Texture(id, _) = t {
+            tell(*id);
+        }
+    };
+    match node {
+        Texture::Constant { .. }
+        | Texture::Image { .. }
+        | Texture::Bilerp { .. }
+        | Texture::VertexColor
+        | Texture::Noise { .. } => return,
+        Texture::Threshold { value, .. } | Texture::Grey { value } => return float(value),
+        Texture::Mix { amount, .. } => float(amount),
+        Texture::Scale {
+            b: FloatOrColor::Float(b),
+            ..
+        } => float(b),
+        Texture::UnitMean { texture } => return tell(*texture),
+        _ => {}
+    }
+    let mut color = |t: &ColorTex| {
+        if let ColorTex::Texture(id) = t {
+            tell(*id);
+        }
+    };
+    match node {
+        Texture::Checkerboard {
+            even: a, odd: b, ..
+        }
+        | Texture::Checkerboard3d {
+            even: a, odd: b, ..
+        }
+        | Texture::Dots {
+            inside: a,
+            outside: b,
+            ..
+        }
+        | Texture::Mix { a, b, .. }
+        | Texture::DirectionMix { a, b, .. } => {
+            color(a);
+            color(b);
+        }
+        Texture::Scale { a, b } => {
+            color(a);
+            if let FloatOrColor::Color(b) = b {
+                color(b);
             }
         }
-        sum
+        _ => {}
     }
 }
 

@@ -4,6 +4,7 @@ use super::image::Image;
 use super::*;
 use crate::light::octahedral;
 use glam::{DAffine3, DVec2};
+use scene::assets::{AssetSource, MemorySource};
 use scene::model::{Encoding, ImageId, MipFilter, NoisePattern, TextureId, UvMap, Wrap};
 use scene::noise;
 
@@ -515,34 +516,228 @@ mod damage {
     }
 }
 
+/// Textures 0, 1, ... that show pictures of files, under a budget.
+fn loaded(files: &[(&str, Encoding, bool)], assets: &MemorySource, budget_bytes: u64) -> Textures {
+    let image = |(path, encoding, _): &(&str, Encoding, bool)| scene::model::ImageDesc {
+        bytes: None,
+        path: (*path).into(),
+        encoding: *encoding,
+        missing: false,
+    };
+    let node = |(i, (_, _, filtered)): (usize, &(&str, Encoding, bool))| Texture::Image {
+        image: ImageId(i as u32),
+        map: UvMap::default(),
+        wrap: (Wrap::Repeat, Wrap::Repeat),
+        nearest: true,
+        mip: filtered.then_some(MipFilter::Trilinear),
+        invert: false,
+        scale: [1.0; 4],
+    };
+    Textures::load(
+        files.iter().enumerate().map(node).collect(),
+        &files.iter().map(image).collect::<Vec<_>>(),
+        &vec![false; files.len()],
+        &[],
+        budget_bytes,
+        assets,
+        &crate::StopFlag::default(),
+    )
+    .unwrap()
+}
+
 /// Pictures with the same bytes are decoded once and kept once, whatever they are called.
 #[test]
 fn equal_pictures_share_their_pixels() {
     let (_, png) = samples().swap_remove(0);
-    let assets = scene::assets::MemorySource::new()
+    let assets = MemorySource::new()
         .with("a.png", &png)
         .unwrap()
         .with("copy/b.png", &png)
         .unwrap();
-    let loader = super::image::ImageLoader::default();
-    let load = |path: &str, encoding, filtered| {
-        let desc = scene::model::ImageDesc {
+    let files = [
+        ("a.png", Encoding::Auto, false),
+        ("copy/b.png", Encoding::Auto, false),
+        ("a.png", Encoding::Linear, false),
+    ];
+    let textures = loaded(&files, &assets, u64::MAX);
+    let [a, b, linear] = [0, 1, 2].map(|i| textures.eval(i, &at(0.6, 0.5)));
+    assert!(a[0] < linear[0]);
+    assert_eq!(a, b);
+    assert_eq!(textures.memory_bytes(), 9 * 7 * 4);
+    let with_pyramid = loaded(&[("copy/b.png", Encoding::Auto, true)], &assets, u64::MAX);
+    assert!(with_pyramid.memory_bytes() > 9 * 7 * 4);
+}
+
+/// Files with 32 x 32 pixels each of its own grey.
+fn greys(count: usize) -> (MemorySource, Vec<String>) {
+    let mut assets = MemorySource::new();
+    let mut names = vec![];
+    for i in 0..count {
+        let grey = (i as f32 + 1.0) / 16.0;
+        let name = format!("{i}.pfm");
+        assets.insert(&name, pfm(32, 32, |_, _| [grey; 3])).unwrap();
+        names.push(name);
+    }
+    (assets, names)
+}
+
+/// What does not fit is dropped, used longest ago first, and comes back as it was.
+#[test]
+fn pictures_come_and_go_within_the_budget() {
+    const ONE: usize = 32 * 32 * 12;
+    let (assets, names) = greys(5);
+    let files: Vec<_> = (names.iter().map(|n| (n.as_str(), Encoding::Auto, false))).collect();
+    let on_file: usize = names.iter().map(|n| assets.read(n).unwrap().len()).sum();
+    let plenty = loaded(&files, &assets, u64::MAX);
+    assert_eq!(plenty.memory_bytes(), 5 * ONE, "files are let go of");
+    let tight = loaded(&files, &assets, 2 * ONE as u64);
+    let mut view = tight.view();
+    for i in [0, 4, 4, 2, 0, 1, 3, 0, 2, 2, 4] {
+        assert_eq!(view.eval(i, &at(0.4, 0.7)), plenty.eval(i, &at(0.4, 0.7)));
+        assert_eq!(tight.memory_bytes(), on_file + 2 * ONE);
+        view.refresh();
+    }
+    // 2 and 4 were used last.
+    let before = tight.pool.dropped();
+    let view = tight.view();
+    view.eval(2, &at(0.0, 0.0));
+    view.eval(4, &at(0.0, 0.0));
+    assert_eq!(tight.pool.dropped(), before);
+    view.eval(0, &at(0.0, 0.0));
+    assert_eq!(tight.pool.dropped(), before + 1);
+    // One that is larger than the whole budget is there all the same.
+    let none = loaded(&files, &assets, 0);
+    assert_eq!(none.eval(3, &at(0.4, 0.7))[0], 0.25);
+}
+
+/// A view that holds nothing lets the memory go: nothing else does.
+#[test]
+fn dropped_pictures_are_freed_when_views_refresh() {
+    let (assets, names) = greys(3);
+    let files: Vec<_> = (names.iter().map(|n| (n.as_str(), Encoding::Auto, false))).collect();
+    let tight = loaded(&files, &assets, 0);
+    let mut view = tight.view();
+    view.eval(0, &at(0.0, 0.0));
+    view.eval(1, &at(0.0, 0.0));
+    let held = |view: &Textures| view.held.iter().filter(|h| h.get().is_some()).count();
+    assert_eq!(held(&view), 2);
+    view.refresh();
+    assert_eq!(held(&view), 0);
+    view.eval(2, &at(0.0, 0.0));
+    view.refresh();
+    let dropped = tight.pool.dropped();
+    view.eval(2, &at(0.0, 0.0));
+    view.refresh();
+    assert_eq!(
+        (tight.pool.dropped(), held(&view)),
+        (dropped, 1),
+        "nothing had to go"
+    );
+}
+
+#[test]
+fn threads_share_a_tight_budget() {
+    let (assets, names) = greys(8);
+    let files: Vec<_> = (names.iter().map(|n| (n.as_str(), Encoding::Auto, false))).collect();
+    let tight = loaded(&files, &assets, 3 * 32 * 32 * 12);
+    std::thread::scope(|scope| {
+        for thread in 0..4usize {
+            let tight = &tight;
+            scope.spawn(move || {
+                let mut view = tight.view();
+                for step in 0..400usize {
+                    let i = (step * (2 * thread + 1) + step / 7) % 8;
+                    let grey = (i as f32 + 1.0) / 16.0;
+                    assert_eq!(view.eval(i, &at(0.3, 0.3)), [grey, grey, grey, 1.0]);
+                    view.refresh();
+                }
+            });
+        }
+    });
+    assert!(tight.pool.dropped() > 100);
+}
+
+/// Coverage is looked up wherever rays are traced: its pictures stay, through whatever textures.
+#[test]
+fn pictures_of_coverage_stay() {
+    let (assets, names) = greys(3);
+    let images: Vec<_> = (names.iter())
+        .map(|n| scene::model::ImageDesc {
             bytes: None,
-            path: path.into(),
-            encoding,
+            path: n.clone(),
+            encoding: Encoding::Auto,
+            missing: false,
+        })
+        .collect();
+    let show = |i| match image_texture(None, Wrap::Repeat) {
+        Texture::Image { map, wrap, .. } => Texture::Image {
+            image: ImageId(i),
+            map,
+            wrap,
+            nearest: true,
+            mip: None,
+            invert: false,
+            scale: [1.0; 4],
+        },
+        other => other,
+    };
+    let nodes = vec![
+        show(0),
+        show(1),
+        show(2),
+        Texture::Mix {
+            a: RED,
+            b: ColorTex::Texture(TextureId(1)),
+            amount: FloatTex::Const(0.5),
+        },
+        Texture::Threshold {
+            value: FloatTex::Texture(TextureId(3), Channel::R),
+            at: 0.1,
+        },
+    ];
+    let coverage = [FloatTex::Texture(TextureId(4), Channel::R)];
+    let textures = Textures::load(
+        nodes,
+        &images,
+        &[true, false, false],
+        &coverage,
+        0,
+        &assets,
+        &crate::StopFlag::default(),
+    )
+    .unwrap();
+    assert_eq!(textures.images[0].texel(0, 0)[0], 1.0 / 16.0);
+    let dropped = textures.pool.dropped();
+    textures.eval(4, &at(0.5, 0.5));
+    textures.eval(0, &at(0.5, 0.5));
+    textures.eval(2, &at(0.5, 0.5));
+    let view = textures.view();
+    view.eval(4, &at(0.5, 0.5));
+    view.eval(0, &at(0.5, 0.5));
+    assert_eq!(textures.pool.dropped(), dropped);
+}
+
+/// What does not decode is found before anything is rendered, whatever the budget.
+#[test]
+fn broken_pictures_are_found_under_any_budget() {
+    let assets = MemorySource::new().with("a.png", b"no picture").unwrap();
+    for budget_bytes in [0, u64::MAX] {
+        let image = scene::model::ImageDesc {
+            bytes: None,
+            path: "a.png".into(),
+            encoding: Encoding::Auto,
             missing: false,
         };
-        loader.load(&desc, filtered, &assets).unwrap()
-    };
-    let images = vec![
-        load("a.png", Encoding::Auto, false),
-        load("copy/b.png", Encoding::Auto, false),
-        load("a.png", Encoding::Linear, false),
-    ];
-    assert!(images[0].texel(5, 3)[0] < images[2].texel(5, 3)[0]);
-    assert_eq!(images[0].texel(5, 3), images[1].texel(5, 3));
-    let textures = Textures::new(vec![], images);
-    assert_eq!(textures.memory_bytes(), 9 * 7 * 4);
-    let with_pyramid = load("copy/b.png", Encoding::Auto, true);
-    assert!(with_pyramid.parts().len() == 2 && with_pyramid.parts()[0].1 == 9 * 7 * 4);
+        let stop = crate::StopFlag::default();
+        let found = Textures::load(
+            vec![],
+            &[image],
+            &[false],
+            &[],
+            budget_bytes,
+            &assets,
+            &stop,
+        );
+        assert!(matches!(found, Err(crate::PrepareError::Decode { path, .. }) if path == "a.png"));
+    }
 }

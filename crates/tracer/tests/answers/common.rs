@@ -207,6 +207,7 @@ pub fn compile(desc: &SceneDesc, assets: &MemorySource, seed: u64, threads: usiz
         frame: 0,
         clamp_indirect: None,
         threads,
+        picture_bytes: u64::MAX,
     };
     tracer::prepare(desc, assets, &settings, &StopFlag::default()).unwrap()
 }

@@ -154,6 +154,7 @@ fn shining_curves_are_refused() {
         frame: 0,
         clamp_indirect: None,
         threads: 1,
+        picture_bytes: u64::MAX,
     };
     let assets = scene::assets::MemorySource::new();
     let stop = tracer::StopFlag::default();

@@ -1,7 +1,7 @@
 //! Uniform light: inside a shining unit sphere, and under a white sky.
 
 use crate::common::*;
-use glam::DAffine3;
+use glam::{DAffine3, DQuat, DVec3};
 use scene::model::*;
 
 const LE: f64 = 0.587;
@@ -136,6 +136,57 @@ fn white_things_vanish_under_a_white_sky() {
             &render(&all, 64).moments(),
             1.0,
         );
+    }
+}
+
+/// A tube of few flat faces with interpolated normals, closed by cones; from the side and from the end.
+fn smooth_tube(length: f32) -> Mesh {
+    const AROUND: u32 = 7;
+    let rings = [
+        (0.0, -length),
+        (0.5, -0.6 * length),
+        (0.5, 0.6 * length),
+        (0.0, length),
+    ];
+    let (mut positions, mut normals, mut indices) = (vec![], vec![], vec![]);
+    for (r, y) in rings {
+        for i in 0..AROUND {
+            let (s, c) = (i as f32 / AROUND as f32 * std::f32::consts::TAU).sin_cos();
+            positions.push([r * c, y, r * s]);
+            let n = glam::Vec3::new(c, 2.0 * y / length, s).normalize();
+            normals.push(if r == 0.0 {
+                [0.0, y.signum(), 0.0]
+            } else {
+                n.to_array()
+            });
+        }
+    }
+    for ring in 0..3 {
+        for i in 0..AROUND {
+            let (a, b) = (ring * AROUND + i, ring * AROUND + (i + 1) % AROUND);
+            indices.extend([[a, a + AROUND, b], [b, a + AROUND, b + AROUND]]);
+        }
+    }
+    let mut mesh = triangles(&positions, &indices);
+    mesh.normals = std::sync::Arc::new(normals);
+    mesh
+}
+
+/// Where interpolated normals disagree with the faces, glass neither gains nor loses: what is mirrored
+/// stays inside, and what is bent out leaves.
+#[test]
+fn smooth_glass_of_flat_faces_vanishes_too() {
+    for length in [0.6, 3.0] {
+        for axis in [DVec3::Y, DVec3::new(0.3, 0.4, 1.0).normalize()] {
+            let mut desc = blank(48, 48);
+            desc.integrator = Integrator::Path { max_depth: 2000 };
+            desc.lights.push(sky(1.0));
+            let shape = desc.mesh(smooth_tube(length));
+            let turn = DAffine3::from_quat(DQuat::from_rotation_arc(DVec3::Y, axis));
+            desc.place(shape, at(0.0, 0.0, -9.0) * turn, glass());
+            let what = format!("length {length}, along {axis}");
+            check(&what, &render(&desc, 16).moments(), 1.0);
+        }
     }
 }
 

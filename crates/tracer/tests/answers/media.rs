@@ -365,6 +365,7 @@ fn broken_grids_are_refused() {
         frame: 0,
         clamp_indirect: None,
         threads: 1,
+        picture_bytes: u64::MAX,
     };
     let assets = scene::assets::MemorySource::new();
     let stop = tracer::StopFlag::default();

@@ -254,6 +254,7 @@ fn frames_follow_the_clock() {
             frame,
             clamp_indirect: None,
             threads: 1,
+            picture_bytes: u64::MAX,
         };
         let none = scene::assets::MemorySource::new();
         let scene = tracer::prepare(&desc, &none, &settings, &Default::default()).unwrap();

@@ -1,8 +1,9 @@
 //! The extensions of materials, and what is required or merely used.
 
 use super::Gltf;
-use super::materials::{Base, Draft};
+use super::materials::{Base, Draft, TangentsOf};
 use super::properties::{self, Support};
+use super::tangents::PLAIN;
 use super::tree::At;
 use crate::context::Issue;
 use crate::model::{Channel, ColorTex, FloatTex, Texture};
@@ -190,7 +191,10 @@ impl<'j> Gltf<'_, '_, 'j> {
             ],
             self.cx,
         )?;
-        draft.tangents = true;
+        draft.tangents.get_or_insert(TangentsOf {
+            set: 0,
+            matrix: PLAIN,
+        });
         let texture = ("anisotropyTexture", Channel::B);
         draft.p.anisotropy = self.weight(draft, &at, ("anisotropyStrength", 0.0), texture)?;
         draft.p.anisotropy_direction = self.data(draft, &at, "anisotropyTexture", [1.0; 4])?;

@@ -22,10 +22,20 @@ pub(super) struct Surface {
     pub media: Option<MediumInterface>,
     /// The TEXCOORDs that the mesh must keep, in this order; the normal map's comes first.
     pub sets: Vec<u32>,
-    /// Whether the mesh needs tangents.
-    pub tangents: bool,
+    /// Where the mesh's tangents come from, if it needs any.
+    pub tangents: Option<TangentsOf>,
     /// For messages.
     pub name: String,
+}
+
+/// The coordinates that tangents follow where a file has none of its own: those of the normal map,
+/// KHR_texture_transform included, so that a map that is turned is lit from the same side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct TangentsOf {
+    /// Which of the sets that the mesh keeps.
+    pub set: u32,
+    /// As in [`crate::model::UvMap::Uv`].
+    pub matrix: [f64; 6],
 }
 
 /// A material while it is read.
@@ -35,7 +45,8 @@ pub(super) struct Draft<'j> {
     /// Whether the mesh's vertex colours multiply the base colour.
     pub colors: bool,
     pub p: Principled,
-    pub tangents: bool,
+    /// Those of the first map that asks for them.
+    pub tangents: Option<TangentsOf>,
 }
 
 /// Factor and texture of a colour.
@@ -89,7 +100,7 @@ impl<'j> Gltf<'_, '_, 'j> {
             alpha: None,
             media: None,
             sets: Vec::new(),
-            tangents: false,
+            tangents: None,
             name,
         })
     }
@@ -207,7 +218,10 @@ impl<'j> Gltf<'_, '_, 'j> {
         };
         let strength = info.at.number_or("scale", 1.0)? as f32;
         let set = self.set(draft, &info);
-        draft.tangents = true;
+        draft.tangents.get_or_insert(TangentsOf {
+            set,
+            matrix: info.matrix,
+        });
         let node = self.image_node(&info, set, Encoding::Linear, [1.0; 4])?;
         Ok(node.map(|id| (id, strength)))
     }
@@ -220,7 +234,7 @@ impl<'j> Gltf<'_, '_, 'j> {
             sets: Vec::new(),
             colors,
             p: Principled::default(),
-            tangents: false,
+            tangents: None,
         };
         // First, so that its set of coordinates is the mesh's first.
         let normal_map = self.normal_map(&mut draft, &at, "normalTexture")?;

@@ -4,7 +4,7 @@ use super::Gltf;
 use super::accessor::Accessor;
 use super::deform::{Influence, Target};
 use super::draco;
-use super::materials::Surface;
+use super::materials::{Surface, TangentsOf};
 use super::properties as known;
 use super::tangents;
 use super::tree::At;
@@ -61,7 +61,7 @@ impl<'j> Gltf<'_, '_, 'j> {
             let cube = crate::context::stand_in("");
             let material = self.material_of(at)?;
             let mut surface = self.surface(material, false)?;
-            surface.tangents = false;
+            surface.tangents = None;
             return Ok(Some(Piece {
                 raw: Raw {
                     positions: cube.positions.to_vec(),
@@ -435,17 +435,17 @@ pub(super) fn finish(name: String, raw: &Raw) -> Mesh {
 
 /// Makes the tangents that a surface needs and the file does not have. What deforms and has no
 /// normals stays flat at all times, which leaves the tangents to the texture coordinates.
-fn complete(raw: &mut Raw, needed: bool) {
-    if !needed {
+fn complete(raw: &mut Raw, needed: Option<TangentsOf>) {
+    let Some(of) = needed else {
         raw.tangents = Vec::new();
         return;
-    }
+    };
     let deforms = !raw.targets.is_empty() || !raw.influences.is_empty();
     if !raw.tangents.is_empty() || raw.uvs.is_empty() || (deforms && raw.normals.is_empty()) {
         return;
     }
     let mut mesh = finish(String::new(), raw);
-    let from = tangents::generate(&mut mesh);
+    let from = tangents::generate(&mut mesh, of.set as usize, &of.matrix);
     pick(&mut raw.colors, &from);
     for uv in &mut raw.uvs {
         pick(uv, &from);

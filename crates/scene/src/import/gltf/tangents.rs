@@ -6,6 +6,9 @@ use bevy_mikktspace::{Geometry, Ops, TangentSpace, generate_tangents};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+/// Coordinates as they are: what [`generate`] takes where no map turns them.
+pub(crate) const PLAIN: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+
 /// Arithmetic that every machine does alike.
 struct Software;
 
@@ -21,6 +24,8 @@ impl Ops for Software {
 
 struct Corners<'m> {
     mesh: &'m Mesh,
+    /// By vertex; v points up.
+    uvs: Vec<[f32; 2]>,
     /// By corner.
     tangents: Vec<[f32; 4]>,
 }
@@ -45,7 +50,7 @@ impl Geometry<Software> for Corners<'_> {
         self.mesh.normals[self.vertex(face, corner)]
     }
     fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
-        self.mesh.uvs[0][self.vertex(face, corner)]
+        self.uvs[self.vertex(face, corner)]
     }
     fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, corner: usize) {
         if let Some(space) = space {
@@ -54,11 +59,23 @@ impl Geometry<Software> for Corners<'_> {
     }
 }
 
-/// Gives a mesh with texture coordinates tangents from its first set; one without normals becomes
-/// flat explicitly, each triangle with vertices of its own. Returns which vertex each new one was.
-pub(crate) fn generate(mesh: &mut Mesh) -> Vec<u32> {
+/// Gives a mesh with texture coordinates tangents from one of its sets, seen through a matrix as in
+/// [`crate::model::UvMap::Uv`]; one without normals becomes flat explicitly, each triangle with vertices
+/// of its own. Returns which vertex each new one was.
+pub(crate) fn generate(mesh: &mut Mesh, set: usize, m: &[f64; 6]) -> Vec<u32> {
     let flat = mesh.normals.is_empty().then(|| flatten(mesh));
+    let placed = |uv: &[f32; 2]| {
+        let [u, v] = uv.map(f64::from);
+        [
+            (m[0] * u + m[1] * v + m[2]) as f32,
+            (m[3] * u + m[4] * v + m[5]) as f32,
+        ]
+    };
     let mut corners = Corners {
+        uvs: match mesh.uvs.get(set) {
+            Some(uvs) => uvs.iter().map(placed).collect(),
+            None => vec![[0.0; 2]; mesh.positions.len()],
+        },
         tangents: vec![[1.0, 0.0, 0.0, 1.0]; mesh.indices.len() * 3],
         mesh,
     };
@@ -156,12 +173,12 @@ mod tests {
     #[test]
     fn tangents_follow_u_and_their_sign_follows_v() {
         let mut mesh = square(false);
-        generate(&mut mesh);
+        generate(&mut mesh, 0, &PLAIN);
         assert_eq!(mesh.positions.len(), 5);
         assert_eq!(*mesh.tangents, vec![[1.0, 0.0, 0.0, 1.0]; 5]);
         // u runs back in the third triangle: the corners that it shares are split.
         let mut mesh = square(true);
-        generate(&mut mesh);
+        generate(&mut mesh, 0, &PLAIN);
         assert_eq!(mesh.positions.len(), 7);
         let [a, _, _] = mesh.indices[2];
         assert_eq!(mesh.tangents[a as usize], [-1.0, 0.0, 0.0, -1.0]);
@@ -169,10 +186,20 @@ mod tests {
     }
 
     #[test]
+    fn tangents_follow_the_chosen_set_through_its_matrix() {
+        let mut mesh = square(false);
+        let first = mesh.uvs[0].clone();
+        mesh.uvs = vec![Arc::new(vec![[0.0; 2]; 5]), first];
+        // u' = v, v' = -u: the coordinates are turned by a quarter.
+        generate(&mut mesh, 1, &[0.0, 1.0, 0.0, -1.0, 0.0, 0.0]);
+        assert_eq!(*mesh.tangents, vec![[0.0, 1.0, 0.0, 1.0]; 5]);
+    }
+
+    #[test]
     fn flat_meshes_get_normals_of_their_own() {
         let mut mesh = square(false);
         mesh.normals = Arc::default();
-        generate(&mut mesh);
+        generate(&mut mesh, 0, &PLAIN);
         assert_eq!(mesh.positions.len(), 9);
         assert_eq!(*mesh.normals, vec![[0.0, 0.0, 1.0]; 9]);
     }

@@ -2,6 +2,7 @@
 //! list; equal nodes are made once.
 
 use super::Gltf;
+use super::tangents::PLAIN;
 use super::tree::At;
 use super::uri::{self, Uri};
 use crate::assets::AssetBytes;
@@ -16,10 +17,8 @@ pub(super) struct Info<'j> {
     /// Which TEXCOORD.
     pub set: u32,
     /// In our convention: (0, 0) is the bottom left.
-    matrix: [f64; 6],
+    pub matrix: [f64; 6],
 }
-
-const PLAIN: [f64; 6] = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
 
 /// KHR_texture_transform on coordinates whose v points up. In glTF's own, with v down, the extension
 /// says u' = c su u + s sv v + ou, v' = -s su u + c sv v + ov for the sine and cosine of the rotation.

@@ -94,7 +94,9 @@ const GLASSES: [(&str, f32); 10] = [
     ("F11", 1.7845),
 ];
 
-/// Hues of the standard illuminants at luminance 1.
+/// Hues of the standard illuminants at luminance 1, from pbrt-v4's own tables. Its D50 has less red than
+/// the CIE's (85 instead of 98 at 650 nm), whose hue would be 1.1764, 0.9758, 0.7216: files made with
+/// pbrt expect the former.
 const ILLUMINANTS: [(&str, Rgb); 16] = [
     ("stdillum-A", [1.8450, 0.8261, 0.2334]),
     ("stdillum-D50", [1.0866, 0.9995, 0.7497]),
