@@ -49,10 +49,13 @@ pub struct Interaction {
     pub time: f32,
 }
 
-/// [`Interaction::error`] over the size of the numbers that an intersection is computed from. Those
-/// computations err by up to about eight roundings of 2^-24 (as in [Pbrt4, 6.8]); this is eight times
-/// that.
+/// [`Interaction::error`] over the size of the point's coordinates: 64 roundings of 2^-24.
 const ROUNDING: f32 = 1.0 / 262_144.0;
+
+/// The same over the size of the triangle: the corners that point and distance are computed from err by
+/// a few roundings (as in [Pbrt4, 6.8]). No more than that, or a ground plane that is a thousand times
+/// larger than what stands on it would lose contact.
+const ROUNDING_OF_CORNERS: f32 = 1.0 / 4_194_304.0;
 
 impl Interaction {
     /// Nowhere.
@@ -127,9 +130,8 @@ impl Interaction {
         let w = 1.0 - hit.u - hit.v;
         let (e1, e2) = (b - a, c - a);
         self.p = a * w + b * hit.u + c * hit.v;
-        // The corners are not farther from the origin than this sum.
-        let size = largest(self.p) + largest(e1) + largest(e2);
-        self.error = size * ROUNDING;
+        let size = largest(e1) + largest(e2);
+        self.error = largest(self.p) * ROUNDING + size * ROUNDING_OF_CORNERS;
         self.ng = math::normalize(e1.cross(e2));
         if surface.flip {
             self.ng = -self.ng;

@@ -14,7 +14,7 @@ use crate::light::Aim;
 use crate::light::Light;
 use crate::material::Shading;
 use crate::material::Slots;
-use crate::math::{Rgb, length, mean};
+use crate::math::{Rgb, dot, length, mean};
 use crate::medium::track::{self, Carried, Flight, Shadow};
 use crate::medium::{FAR, phase};
 use crate::ray::{NONE, Ray};
@@ -82,6 +82,8 @@ pub fn sample(
     let mut seen_first = false;
     let (mut depth, mut deltas) = (0, 0);
     let mut passing = Passing::new();
+    // The surface or the point of a medium that the ray left.
+    let mut from = ray.origin;
     let mut travelled = 0.0;
     // Whether the last direction could have been sampled from lights, and the vertex it left from.
     let mut by_lights = false;
@@ -95,12 +97,16 @@ pub fn sample(
         if let Some(m) = scene.media.get(medium) {
             let end = if hit.is_some() { hit.t * scale } else { FAR };
             let d = ray.direction * (1.0 / scale);
+            // What lies between the surface and where the ray started off it is crossed too.
+            let ahead = dot(ray.origin - from, d);
+            let begin = ray.origin - d * ahead;
+            let end = end + ahead;
             let mut own = Rgb::ZERO;
             let mut numbers = sampler.flight();
             let flight = track::fly(
                 m,
                 hero,
-                (ray.origin, d),
+                (begin, d),
                 end,
                 &mut numbers,
                 &mut carried,
@@ -113,7 +119,7 @@ pub fn sample(
                 Flight::Passed => {}
                 Flight::Ended => break,
                 Flight::Scattered { distance, at } => {
-                    let p = ray.origin + d * distance;
+                    let p = begin + d * distance;
                     if !seen_first {
                         seen_first = true;
                         let t = at.t();
@@ -147,6 +153,7 @@ pub fn sample(
                     by_lights = true;
                     (last_p, last_aim) = (p, Aim::ANYWHERE);
                     ray = Ray::new(p, wi, ray.time);
+                    from = p;
                     continue;
                 }
             }
@@ -193,6 +200,7 @@ pub fn sample(
             travelled += hit.t * scale;
             medium = beyond(surface.media, &it, ray.direction, medium);
             ray.origin = origin;
+            from = it.p;
             continue;
         };
         if !seen_first {
@@ -241,6 +249,7 @@ pub fn sample(
         let wi = shading.frame.to_world(s.wi);
         medium = beyond(surface.media, &it, wi, medium);
         ray = it.spawn(wi);
+        from = it.p;
     }
     first.with(radiance)
 }
@@ -337,6 +346,7 @@ fn light(
     let mut ray = ray;
     let mut shadow = Shadow::START;
     let mut passing = Passing::new();
+    let mut from = p;
     loop {
         counters.shadow_rays += 1;
         let hit = scene.geometry.closest(&ray);
@@ -356,7 +366,9 @@ fn light(
                 (false, None) => FAR,
             };
             let d = ray.direction * (1.0 / scale);
-            track::shadow(m, (ray.origin, d), end, &mut flight, &mut shadow);
+            let ahead = dot(ray.origin - from, d);
+            let begin = ray.origin - d * ahead;
+            track::shadow(m, (begin, d), end + ahead, &mut flight, &mut shadow);
             if shadow.through == Rgb::ZERO {
                 return Rgb::ZERO;
             }
@@ -375,6 +387,7 @@ fn light(
             return Rgb::ZERO;
         };
         ray.origin = origin;
+        from = it.p;
         if let Some(q) = sample.target {
             ray.direction = q - origin;
         }
