@@ -20,7 +20,7 @@ use std::sync::Arc;
 pub struct Scene {
     /// What rays meet.
     pub geometry: Arc<Geometry>,
-    /// What it looks like. A unit of work has its own: see [`Scene::view`].
+    /// What it looks like. A unit of work has its own view of it.
     pub textures: Textures,
     /// How it scatters.
     pub materials: Arc<Materials>,

@@ -92,7 +92,7 @@ impl Point {
 }
 
 /// All textures of a scene, and hands on those of its pictures that were looked up through them: what
-/// is held here stays in memory until [`Textures::refresh`]. A unit of work has its own.
+/// is held here stays in memory until it is refreshed. A unit of work has its own.
 #[derive(Default)]
 pub struct Textures {
     /// Each refers only to textures before it.
