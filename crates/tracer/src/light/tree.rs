@@ -430,28 +430,29 @@ mod tests {
                     0.3,
                     rng.random_range(-1.0..1.0),
                 ));
-                let sum: f64 = (0..count as u32)
-                    .map(|l| tree.pmf(p, Aim::cosine(n), l) as f64)
-                    .sum();
-                assert!(sum < 1.0 + 1e-4, "{count} lights at {p}: {sum}");
-                let mut missed = 0;
-                for i in 0..2000 {
-                    if let Some((light, pmf)) = tree.sample(p, Aim::cosine(n), i as f32 / 2000.0) {
-                        assert_eq!(
-                            pmf,
-                            tree.pmf(p, Aim::cosine(n), light),
-                            "light {light} of {count} at {p}"
-                        );
-                        assert!(pmf > 0.0);
-                    } else {
-                        missed += 1;
+                let narrow = Aim { axis: n, narrow: 5 };
+                for aim in [Aim::cosine(n), narrow, Aim::ANYWHERE] {
+                    let sum: f64 = (0..count as u32).map(|l| tree.pmf(p, aim, l) as f64).sum();
+                    assert!(sum < 1.0 + 1e-4, "{count} lights at {p}: {sum}");
+                    let mut missed = 0;
+                    for i in 0..2000 {
+                        if let Some((light, pmf)) = tree.sample(p, aim, i as f32 / 2000.0) {
+                            assert_eq!(
+                                pmf,
+                                tree.pmf(p, aim, light),
+                                "light {light} of {count} at {p}"
+                            );
+                            assert!(pmf > 0.0);
+                        } else {
+                            missed += 1;
+                        }
                     }
+                    let share = missed as f64 / 2000.0;
+                    assert!(
+                        (1.0 - sum - share).abs() < 0.01,
+                        "{count} lights at {p}: {sum} chosen, {share} missed"
+                    );
                 }
-                let share = missed as f64 / 2000.0;
-                assert!(
-                    (1.0 - sum - share).abs() < 0.01,
-                    "{count} lights at {p}: {sum} chosen, {share} missed"
-                );
             }
         }
     }
