@@ -269,7 +269,8 @@ fn across(n: Vec3, wo: Vec3, wi: Vec3) -> Vec3 {
 const LEAST: f32 = 0.01;
 
 /// A normal turned so far that `wo` sees it and that its mirror direction lies on the same side of the
-/// surface with normal `base` as `wo`.
+/// surface with normal `base` as `wo`: what is turned away, or mirrors light into the surface, makes
+/// black rims.
 fn visible(normal: Vec3, base: Vec3, wo: Vec3) -> Vec3 {
     let up = math::faceforward(base, wo);
     let side = if up == base { 1.0 } else { -1.0 };
@@ -368,11 +369,15 @@ impl Materials {
             });
         }
         material = self.resolve(textures, it, u);
-        let mut ns = it.ns;
+        let (mut ns, mut base) = (it.ns, it.ns);
         if material.needs_tangents {
-            ns = material.perturbed(textures, it, wo);
+            (ns, base) = material.perturbed(textures, it);
         }
         let mapped = ns != it.ns;
+        // Seen edge on, a surface has no side to turn normals to.
+        if mapped && it.ns.dot(wo).abs() > LEAST {
+            ns = visible(ns, it.ns, wo);
+        }
         // Glass must agree with its geometry about which side is which: what leaks out as if reflected
         // would keep the radiance that it has inside.
         let glass = material.refracts && ns != it.ng;
@@ -387,7 +392,7 @@ impl Materials {
         let bsdf = match &material.constant {
             Some(bsdf) => bsdf,
             None => {
-                let bsdf = material.bsdf(textures, it, &frame, &slots.principled)?;
+                let bsdf = material.bsdf(textures, it, base, &frame, &slots.principled)?;
                 slots.bsdf.get_or_init(|| bsdf)
             }
         };
@@ -448,10 +453,13 @@ impl Materials {
 }
 
 impl Material {
+    /// The scattering function of a material that is no mix. `base` is the normal that maps give, before
+    /// the frame was turned for the view.
     fn bsdf<'s>(
         &'s self,
         textures: &Textures,
         it: &Interaction,
+        base: Vec3,
         frame: &Frame,
         slot: &'s Slot<Principled<'s>>,
     ) -> Option<Bsdf<'s>> {
@@ -543,7 +551,7 @@ impl Material {
                 albedo(transmittance),
             )),
             BsdfDesc::Interface => return None,
-            BsdfDesc::Principled(p) => self.principled(p, textures, it, frame, slot)?,
+            BsdfDesc::Principled(p) => self.principled(p, textures, it, base, frame, slot)?,
             BsdfDesc::Hair {
                 color: pigment,
                 ior,
@@ -579,6 +587,7 @@ impl Material {
         p: &model::Principled,
         textures: &Textures,
         it: &Interaction,
+        base: Vec3,
         frame: &Frame,
         slot: &'s Slot<Principled<'s>>,
     ) -> Option<Bsdf<'s>> {
@@ -588,7 +597,7 @@ impl Material {
         let coat = float(&p.coat);
         let coat_normal = if coat > 0.0 {
             let n = match p.coat_normal_map {
-                Some((texture, strength)) => mapped(textures, it, texture.index(), strength),
+                Some((texture, strength)) => mapped(textures, it, texture.index(), strength).0,
                 None => it.ns,
             };
             frame.to_local(n)
@@ -608,6 +617,11 @@ impl Material {
             thin: p.thin,
             diffuse_transmission: float(&p.diffuse_transmission),
             diffuse_transmission_color: color(&p.diffuse_transmission_color),
+            base_normal: if base == frame.n {
+                Vec3::Z
+            } else {
+                frame.to_local(base)
+            },
             coat,
             coat_roughness: float(&p.coat_roughness),
             coat_normal,
@@ -667,27 +681,24 @@ impl Material {
         &self.coats[best]
     }
 
-    /// The shading normal after normal and bump maps, turned so far that `wo` sees it and that its mirror
-    /// direction lies outside: what is turned away, or mirrors light into the surface, makes black rims.
-    fn perturbed(&self, textures: &Textures, it: &Interaction, wo: Vec3) -> Vec3 {
+    /// The shading normal after normal and bump maps: one that points out of the surface, and the map's own.
+    fn perturbed(&self, textures: &Textures, it: &Interaction) -> (Vec3, Vec3) {
         if self.normal_map.is_none() && self.bump_map.is_none() {
-            return it.ns;
+            return (it.ns, it.ns);
         }
-        let mut ns = it.ns;
+        let (mut ns, mut base) = (it.ns, it.ns);
         if let Some((texture, strength)) = self.normal_map {
-            ns = mapped(textures, it, texture, strength);
+            (ns, base) = mapped(textures, it, texture, strength);
         }
         if let Some(bump) = &self.bump_map {
             ns = bumped(textures, it, ns, bump);
+            base = ns;
         }
         // Nor may it turn away from the geometric normal.
         if ns.dot(it.ng) * it.ns.dot(it.ng) <= 0.0 {
-            return it.ns;
+            return (it.ns, it.ns);
         }
-        if it.ns.dot(wo).abs() <= LEAST {
-            return ns;
-        }
-        visible(ns, it.ns, wo)
+        (ns, base)
     }
 }
 
@@ -704,18 +715,17 @@ fn coat_curve(p: &model::Principled) -> (u32, bool, bool) {
 /// Least height of the normals of a normal map, before it is scaled to unit length.
 const STEEPEST: f32 = 0.05;
 
-/// The shading normal after a tangent-space normal map.
-fn mapped(textures: &Textures, it: &Interaction, texture: usize, strength: f32) -> Vec3 {
+/// The shading normal after a tangent-space normal map: one that points out of the surface, and the map's
+/// own.
+fn mapped(textures: &Textures, it: &Interaction, texture: usize, strength: f32) -> (Vec3, Vec3) {
     let [r, g, b, _] = textures.eval(texture, &it.point);
-    // Maps that point into the surface go to its horizon: the normal must not leap back where a slope
-    // grows too steep.
     let local = Vec3::new(
         (2.0 * r - 1.0) * strength,
         (2.0 * g - 1.0) * strength,
-        (2.0 * b - 1.0).max(STEEPEST),
+        2.0 * b - 1.0,
     );
     if local.dot(local) <= 0.0 {
-        return it.ns;
+        return (it.ns, it.ns);
     }
     let (along, up) = it.map_axes();
     let mut frame = shading_frame(it.ns, along);
@@ -723,7 +733,14 @@ fn mapped(textures: &Textures, it: &Interaction, texture: usize, strength: f32) 
     if frame.t.dot(up) < 0.0 {
         frame.t = -frame.t;
     }
-    math::normalize(frame.to_world(math::normalize(local)))
+    let outward = |local: Vec3| math::normalize(frame.to_world(math::normalize(local)));
+    let own = outward(local);
+    if local.z >= STEEPEST {
+        return (own, own);
+    }
+    // Maps that point into the surface go to its horizon: the normal must not leap back where a slope
+    // grows too steep.
+    (outward(local.with_z(STEEPEST)), own)
 }
 
 /// Normal of the surface displaced along its normal [Blinn78].

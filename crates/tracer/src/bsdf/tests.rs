@@ -355,6 +355,19 @@ fn both_sides_reflect_alike() {
     for case in cases().iter().filter(|c| !c.bsdf.transmits()) {
         for _ in 0..500 {
             let (a, b) = (Vec3::from(rng.direction()), Vec3::from(rng.direction()));
+            if case.name.contains("tilted") {
+                // A normal that leans to one side of the surface leans to the other on its back.
+                let (front, p) = case.bsdf.eval_pdf(a, b);
+                let (back, q) = case.bsdf.eval_pdf(-a, -b);
+                let error = (front - back).abs().max_element().max((p - q).abs());
+                let size = front.max_element().max(p);
+                assert!(
+                    error <= 2e-3 * size + 1e-6,
+                    "{}: {front}, back {back}",
+                    case.name
+                );
+                continue;
+            }
             assert_eq!(
                 case.bsdf.eval_pdf(a, b),
                 case.bsdf.eval_pdf(turn(a), turn(b)),

@@ -102,8 +102,9 @@ impl Principled<'_> {
             if self.metallic > 0.0 && lost > 1e-5 {
                 up += self.bounced() * (self.metallic * view.lost * (1.0 - white) / lost);
             }
-            f += up.max(Rgb::ZERO) * (wi.z * INV_PI * view.under_coat);
-            pdf += p(Lobe::Up) * wi.z * INV_PI;
+            let cos = dot(view.base_normal, wi).max(0.0);
+            f += up.max(Rgb::ZERO) * (cos * INV_PI * view.under_coat);
+            pdf += p(Lobe::Up) * cos * INV_PI;
         }
         (f, pdf)
     }
@@ -165,7 +166,18 @@ impl Principled<'_> {
         let s = match lobe {
             Lobe::Coat => self.sample_coat(&view, up, p, u)?,
             Lobe::Sheen => Picked::density(sampling::uniform_hemisphere(u)),
-            Lobe::Up => Picked::density(sampling::cosine_hemisphere(u)),
+            Lobe::Up => {
+                let w = sampling::cosine_hemisphere(u);
+                if view.base_normal == Vec3::Z {
+                    Picked::density(w)
+                } else {
+                    let wi = Frame::from_normal(view.base_normal).to_world(w);
+                    if wi.z <= 0.0 {
+                        return None;
+                    }
+                    Picked::density(wi)
+                }
+            }
             Lobe::Down => {
                 let w = sampling::cosine_hemisphere(u);
                 Picked::density(w.with_z(-w.z))

@@ -62,6 +62,9 @@ pub struct PrincipledParams {
     pub diffuse_transmission: f32,
     /// Colour of it.
     pub diffuse_transmission_color: Rgb,
+    /// Normal of the diffuse base, unit length, in the shading frame: where that was turned so that
+    /// mirrored light leaves the surface, this one need not be.
+    pub base_normal: Vec3,
     /// [0, 1]
     pub coat: f32,
     /// [0, 1]
@@ -94,6 +97,7 @@ impl Default for PrincipledParams {
             thin: false,
             diffuse_transmission: 0.0,
             diffuse_transmission_color: Rgb::ONE,
+            base_normal: Vec3::Z,
             coat: 0.0,
             coat_roughness: 0.0,
             coat_normal: Vec3::Z,
@@ -120,6 +124,7 @@ pub struct Principled<'s> {
     edge: Rgb,
     below: Rgb,
     sheen: Rgb,
+    base_normal: Vec3,
     coat_normal: Vec3,
     ggx: Ggx,
     roughness: f32,
@@ -148,7 +153,9 @@ struct View {
     through: Rgb,
     /// The same for what glass reflects.
     back: f32,
-    /// Normal of the coat, bent so far that its mirror direction lies above the base.
+    /// Normals of the base and of the coat on this side; the coat's bent so far that its mirror direction
+    /// lies above the base.
+    base_normal: Vec3,
     coat_normal: Vec3,
     /// 1 - albedo of the dielectric's reflection, and of perfectly reflecting facets.
     diffuse: f32,
@@ -240,6 +247,7 @@ impl<'s> Principled<'s> {
             edge: at_edge * (Rgb::ONE - colour(p.metal_edge)) / DARKEST.0,
             below: colour(p.diffuse_transmission_color),
             sheen: colour(p.sheen_color),
+            base_normal: p.base_normal,
             coat_normal: p.coat_normal,
             roughness: if ggx.is_smooth() {
                 0.0
@@ -406,7 +414,10 @@ impl<'s> Principled<'s> {
         // From inside, what is above the base is not seen.
         let inside = below && glass > 0.0 && !self.thin;
         let (mut sheen, mut coat) = (0.0, 0.0);
-        let mut coat_normal = self.coat_normal;
+        // The other side of a surface is turned against this one.
+        let facing = |n: Vec3| if below { Vec3::new(-n.x, -n.y, n.z) } else { n };
+        let base_normal = facing(self.base_normal);
+        let mut coat_normal = facing(self.coat_normal);
         if !inside {
             if let (true, Some(table)) = (self.sheen != Rgb::ZERO, &facets.sheen) {
                 sheen = table.at(cos, self.sheen_roughness);
@@ -510,6 +521,7 @@ impl<'s> Principled<'s> {
             under_coat,
             through,
             back,
+            base_normal,
             coat_normal,
             diffuse,
             lost,

@@ -31,6 +31,7 @@ const WHITE: PrincipledParams = PrincipledParams {
     thin: false,
     diffuse_transmission: 0.0,
     diffuse_transmission_color: Rgb::ONE,
+    base_normal: Vec3::Z,
     coat: 0.0,
     coat_roughness: 0.0,
     coat_normal: Vec3::Z,
@@ -119,6 +120,15 @@ pub(super) fn cases() -> Vec<Case> {
                 ..plain
             },
             true,
+        ),
+        (
+            "plastic, diffuse base tilted",
+            1.5,
+            PrincipledParams {
+                base_normal: Vec3::new(0.6, -0.64, 0.48),
+                ..plain
+            },
+            false,
         ),
         ("lacquered metal", 1.5, coated, false),
         (
