@@ -95,3 +95,33 @@ fn normal_maps_do_not_leap_at_the_horizon() {
     assert!(steep > 0.6, "{steep}");
     assert_eq!(steep, past);
 }
+
+/// What is diffuse is lit about the map's own normal, also where that leans so far that the facets have
+/// to be turned back: a sphere of uniform light lights a plane that leans by an angle by (1 + cos) / 2 of
+/// what lies above the real surface; the softened terminator and the turned facets only darken.
+#[test]
+fn diffuse_light_fades_as_a_map_leans() {
+    let mut before = f64::INFINITY;
+    for degrees in [0.0f32, 20.0, 45.0, 70.0, 89.0, 100.0, 120.0, 150.0] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let map = [0.5 + 0.5 * sin, 0.5, 0.5 + 0.5 * cos];
+        let mut desc = square(map, None, at(0.0, 0.0, -2.0));
+        desc.integrator = blank(4, 4).integrator;
+        desc.lights.push(sky(1.0));
+        desc.materials[0].bsdf = BsdfDesc::Principled(Box::new(Principled {
+            base_color: grey(1.0),
+            metallic: FloatTex::Const(0.0),
+            roughness: FloatTex::Const(0.5),
+            specular: FloatTex::Const(0.0),
+            ..Principled::default()
+        }));
+        let picture = render(&desc, 1024);
+        let mean = picture.rgb.iter().map(|c| c[1]).sum::<f64>() / picture.rgb.len() as f64;
+        let bound = f64::from(1.0 + cos) * 0.5;
+        assert!(
+            mean < bound + 0.01 && mean > 0.3 * bound && mean < before,
+            "{degrees} degrees: {mean}, at most {bound}, before {before}"
+        );
+        before = mean;
+    }
+}
