@@ -15,6 +15,7 @@ mod command_scenes;
 mod containers;
 mod coordinator_restart;
 mod jobs_together;
+mod picture_budget;
 mod reference_images;
 mod results;
 mod stop_rules;

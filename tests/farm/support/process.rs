@@ -117,6 +117,15 @@ impl Brolly {
         let _ = self.child.wait();
     }
 
+    /// The most bytes of memory that it had so far, where the system tells.
+    pub fn peak_memory(&self) -> Option<u64> {
+        let path = format!("/proc/{}/status", self.child.id());
+        let status = std::fs::read_to_string(path).ok()?;
+        let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+        let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+        Some(kib << 10)
+    }
+
     /// SIGTERM, SIGSTOP or SIGCONT.
     pub fn signal(&self, name: &str) {
         let pid = self.child.id().to_string();
