@@ -2,6 +2,7 @@
 //! (`libm`), so every machine gets the same numbers.
 
 use crate::model::Rgb;
+use std::sync::LazyLock;
 
 /// Linear Rec. 709 from XYZ [IEC 61966-2-1].
 const RGB_FROM_XYZ: [[f64; 3]; 3] = [
@@ -102,16 +103,27 @@ pub fn daylight(kelvin: f64) -> Option<Rgb> {
 /// What a quantity over wavelengths is to each channel under daylight: its mean, weighted by what the
 /// channel sees of it. For reflectances this is the colour that a white light shows.
 pub fn weighted(spectrum: impl Fn(f64) -> f64) -> Rgb {
-    let (mut sum, mut weight) = ([0.0; 3], [0.0; 3]);
-    for lambda in wavelengths() {
-        let value = spectrum(lambda);
-        let seen = rgb_of(matching(lambda)).map(|c| c * planck(6504.0, lambda) * 1e-13);
+    weighted_signed(spectrum).map(|c| c.max(0.0) as f32)
+}
+
+/// The same with what lies outside the gamut, which is negative.
+pub(crate) fn weighted_signed(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
+    /// What the channels see of each wavelength, and of all together.
+    static SEEN: LazyLock<(Vec<(f64, [f64; 3])>, [f64; 3])> = LazyLock::new(|| {
+        let seen = |lambda| rgb_of(matching(lambda)).map(|c| c * planck(6504.0, lambda) * 1e-13);
+        let list: Vec<_> = wavelengths().map(|lambda| (lambda, seen(lambda))).collect();
+        let all = std::array::from_fn(|i| list.iter().map(|(_, seen)| seen[i]).sum());
+        (list, all)
+    });
+    let (list, all) = &*SEEN;
+    let mut sum = [0.0; 3];
+    for (lambda, seen) in list {
+        let value = spectrum(*lambda);
         for i in 0..3 {
             sum[i] += value * seen[i];
-            weight[i] += seen[i];
         }
     }
-    std::array::from_fn(|i| (sum[i] / weight[i]).max(0.0) as f32)
+    std::array::from_fn(|i| sum[i] / all[i])
 }
 
 /// A table of wavelengths (rising, nm) and values as a function: linear between, constant outside.

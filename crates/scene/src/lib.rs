@@ -33,6 +33,7 @@ pub mod noise;
 mod number;
 pub mod overrides;
 pub mod picture;
+mod spectrum;
 mod suggest;
 pub mod validate;
 

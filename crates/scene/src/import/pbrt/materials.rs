@@ -8,6 +8,7 @@ use crate::model::{
     BsdfDesc, Coat, ColorTex, ConductorFresnel, FloatTex, HairColor, Material, MaterialId,
     MediumId, Roughness, RoughnessScale,
 };
+use crate::spectrum;
 use std::collections::BTreeSet;
 
 pub(super) const MATERIALS: [&str; 12] = [
@@ -201,10 +202,14 @@ impl Importer<'_, '_> {
                 fresnel: self.fresnel(params, "")?,
                 roughness: self.roughness(params, "")?,
             },
-            "coateddiffuse" => BsdfDesc::CoatedDiffuse {
-                reflectance: self.albedo(params, "reflectance", 0.5)?,
-                coat: self.coat(params, "")?,
-            },
+            "coateddiffuse" => {
+                let coat = self.coat(params, "")?;
+                let reflectance = match self.albedo(params, "reflectance", 0.5)? {
+                    ColorTex::Const(c) => ColorTex::Const(spectrum::under_coat(c, coat.ior)),
+                    texture => texture,
+                };
+                BsdfDesc::CoatedDiffuse { reflectance, coat }
+            }
             "coatedconductor" => BsdfDesc::CoatedConductor {
                 fresnel: self.fresnel(params, "conductor.")?,
                 roughness: self.roughness(params, "conductor.")?,
