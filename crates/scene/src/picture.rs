@@ -16,6 +16,9 @@ pub struct PictureInfo {
     pub channels: u8,
 }
 
+/// What KTX2 files begin with.
+pub const KTX2: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
+
 /// Enough for the headers of nearly all files; the whole file is the second try.
 const PREFIX_BYTES: usize = 1 << 16;
 
@@ -37,6 +40,7 @@ pub(crate) fn ending(bytes: &[u8]) -> &'static str {
     use image::ImageFormat as Format;
     match image::guess_format(bytes) {
         _ if bytes.starts_with(b"PF") || bytes.starts_with(b"Pf") => "pfm",
+        _ if bytes.starts_with(&KTX2) => "ktx2",
         Ok(Format::Png) => "png",
         Ok(Format::Jpeg) => "jpg",
         Ok(Format::WebP) => "webp",
@@ -78,6 +82,9 @@ fn header(path: &str, bytes: &[u8]) -> Result<PictureInfo, String> {
     if bytes.starts_with(b"PF") || bytes.starts_with(b"Pf") {
         return pfm(bytes);
     }
+    if bytes.starts_with(&KTX2) {
+        return ktx2(bytes);
+    }
     let cursor = || Cursor::new(bytes);
     let fail = |e: image::ImageError| format!("not a readable picture: {e}");
     use image::ImageFormat as Format;
@@ -97,7 +104,9 @@ fn header(path: &str, bytes: &[u8]) -> Result<PictureInfo, String> {
         Ok(other) => Err(format!(
             "a picture of a kind that is not supported ({other:?})"
         )),
-        Err(_) => Err("not a picture of a known kind (png, jpg, tga, webp, hdr, exr, pfm)".into()),
+        Err(_) => {
+            Err("not a picture of a known kind (png, jpg, tga, webp, ktx2, hdr, exr, pfm)".into())
+        }
     }
 }
 
@@ -156,6 +165,33 @@ fn pfm(bytes: &[u8]) -> Result<PictureInfo, String> {
     })
 }
 
+/// A flat picture in a Basis Universal format, which decodes to RGBA [KTX 2.0, section 3].
+fn ktx2(bytes: &[u8]) -> Result<PictureInfo, String> {
+    let (words, _) = bytes[KTX2.len()..].as_chunks::<4>();
+    let Some(&[format, _, width, height, depth, layers, faces]) = words
+        .first_chunk::<7>()
+        .map(|words| words.map(u32::from_le_bytes))
+        .as_ref()
+    else {
+        return Err("a KTX2 without a whole header".into());
+    };
+    if format != 0 {
+        return Err(format!(
+            "a KTX2 of Vulkan's format {format}; those of Basis Universal (ETC1S, UASTC) are read, `gltf-transform ktxdecompress` converts others"
+        ));
+    }
+    if depth > 1 || layers > 1 || faces != 1 {
+        return Err(format!(
+            "a KTX2 with {depth} slices, {layers} layers and {faces} faces; flat pictures are read"
+        ));
+    }
+    Ok(PictureInfo {
+        width,
+        height,
+        channels: 4,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -190,6 +226,17 @@ mod tests {
         check("a.pfm", b"PF 60000 60000 -1 ", Err("in all"));
         check("a.pfm", b"PF 0 2 -1 ", Err("0 x 2"));
         check("huge.png", &huge, Err("not a readable"));
+        let mut ktx = KTX2.to_vec();
+        for word in [0, 1, 12, 8, 0, 0, 1] {
+            ktx.extend(u32::to_le_bytes(word));
+        }
+        check("a.ktx2", &ktx, Ok((12, 8, 4)));
+        check("a.png", &ktx, Ok((12, 8, 4)));
+        check("a.ktx2", &ktx[..30], Err("whole header"));
+        ktx[36] = 6;
+        check("a.ktx2", &ktx, Err("6 faces"));
+        ktx[12] = 37;
+        check("a.ktx2", &ktx, Err("format 37"));
         check("a.png", &png[..20], Err("not a readable"));
         check("a.txt", b"hello", Err("not a picture"));
         check("a.tga", b"", Err("not a readable"));

@@ -1,4 +1,5 @@
-//! From the bytes of a file to pixels: png, jpg, tga, webp, hdr, exr by the crate `image`, pfm here.
+//! From the bytes of a file to pixels: png, jpg, tga, webp, hdr, exr by the crate `image`, ktx2 (Basis
+//! Universal) by `basisu`, pfm here.
 
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 
@@ -59,6 +60,9 @@ pub(super) fn decode(path: &str, bytes: &[u8]) -> Result<Raw, String> {
     if bytes.starts_with(b"PF") || bytes.starts_with(b"Pf") {
         return decode_pfm(bytes);
     }
+    if bytes.starts_with(&scene::picture::KTX2) {
+        return decode_ktx2(bytes);
+    }
     let format = match image::guess_format(bytes) {
         Ok(format) if FORMATS.contains(&format) => format,
         _ if ending(path) == "tga" => ImageFormat::Tga,
@@ -69,7 +73,7 @@ pub(super) fn decode(path: &str, bytes: &[u8]) -> Result<Raw, String> {
         }
         Err(_) => {
             return Err(
-                "not a picture of a known kind (png, jpg, tga, webp, hdr, exr, pfm)".into(),
+                "not a picture of a known kind (png, jpg, tga, webp, ktx2, hdr, exr, pfm)".into(),
             );
         }
     };
@@ -109,6 +113,34 @@ pub(super) fn decode(path: &str, bytes: &[u8]) -> Result<Raw, String> {
         height,
         channels,
         pixels,
+    })
+}
+
+/// The largest picture of a Basis Universal file, as RGBA.
+fn decode_ktx2(bytes: &[u8]) -> Result<Raw, String> {
+    use basisu::{DecodeFlags, TargetFormat, Transcoder};
+    // What is promised is bounded before anything is unpacked.
+    let info = scene::picture::probe_bytes("picture.ktx2", bytes)?;
+    let unpack = || {
+        let picture = Transcoder::new(bytes)?;
+        picture.transcode(0, TargetFormat::Rgba32, DecodeFlags::NONE)
+    };
+    // The decoder is young; whatever it trips over is a broken picture and no more.
+    let pixels = std::panic::catch_unwind(unpack)
+        .map_err(|_| "not a readable KTX2: its data contradict each other".to_string())?
+        .map_err(|e| format!("not a readable KTX2: {e:?}"))?;
+    let promised = u64::from(info.width) * u64::from(info.height) * 4;
+    if pixels.len() as u64 != promised {
+        return Err(format!(
+            "{} bytes of pixels where the header promises {promised}",
+            pixels.len()
+        ));
+    }
+    Ok(Raw {
+        width: info.width,
+        height: info.height,
+        channels: 4,
+        pixels: Pixels::Bytes(pixels.into()),
     })
 }
 

@@ -412,6 +412,35 @@ fn pixels_stay_as_small_as_they_are() {
     assert!((linear.mean_luminance() - (128.0 / 255.0 + 1.0) / 2.0).abs() < 1e-6);
 }
 
+/// A KTX2 file of 9 x 7 pixels whose blocks are each of one colour, brighter to the right: header, one
+/// level, data format descriptor (UASTC with alpha), blocks of mode 8.
+fn ktx2() -> Vec<u8> {
+    const BLOCKS: [u8; 6] = [0, 1, 2, 0, 1, 2];
+    let (descriptor, data) = (104u32, 160u32);
+    let size = 16 * BLOCKS.len() as u32;
+    let mut out = scene::picture::KTX2.to_vec();
+    let mut words = |list: &[u32]| out.extend(list.iter().flat_map(|w| w.to_le_bytes()));
+    words(&[0, 1, 9, 7, 0, 0, 1, 1, 0]); // format, type size, size, depth, layers, faces, levels, packing
+    words(&[descriptor, 44, 0, 0, 0, 0, 0, 0]); // descriptor, no key-value data, no global data
+    words(&[data, 0, size, 0, size, 0]); // the level: where, packed, unpacked
+    words(&[
+        44,
+        0,
+        2 | 40 << 16,
+        166 | 1 << 8 | 1 << 16,
+        3 | 3 << 8,
+        16,
+        0,
+    ]);
+    words(&[127 << 16 | 3 << 24, 0, 0, u32::MAX]);
+    words(&[0, 0, 0]);
+    for block in BLOCKS {
+        let colour = u128::from(block) * 80 | 50 << 8 | 77 << 16 | 255 << 24;
+        out.extend((0x17 | colour << 5).to_le_bytes());
+    }
+    out
+}
+
 /// A picture with something in it, in every format that is read.
 fn samples() -> Vec<(&'static str, Vec<u8>)> {
     use ::image::{DynamicImage, ImageFormat};
@@ -456,6 +485,7 @@ fn samples() -> Vec<(&'static str, Vec<u8>)> {
         ImageFormat::OpenExr,
     );
     out.push(("a.pfm", pfm(9, 7, |x, y| [x as f32, y as f32, 0.5])));
+    out.push(("a.ktx2", ktx2()));
     out
 }
 
@@ -466,6 +496,10 @@ fn every_format_is_read() {
         assert_eq!((image.width, image.height), (9, 7), "{name}");
         let (a, b) = (image.texel(1, 3)[0], image.texel(7, 3)[0]);
         assert!(a < b, "{name}: {a} {b}");
+        if name == "a.ktx2" {
+            let colour = [80.0 / 255.0, 50.0 / 255.0, 77.0 / 255.0, 1.0];
+            assert_eq!(image.texel(7, 3), colour);
+        }
         // The name does not matter where the content says what it is.
         if name != "a.tga" {
             assert!(
@@ -489,7 +523,7 @@ mod damage {
         /// Damaged pictures are refused or read, and nothing else happens.
         #[test]
         fn never_panics(
-            which in 0usize..8,
+            which in 0usize..9,
             edits in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0u8..4), 1..6),
         ) {
             let (name, mut bytes) = samples().swap_remove(which);

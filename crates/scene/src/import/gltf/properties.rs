@@ -90,9 +90,9 @@ pub const EXTENSIONS: &[Extension] = &[
         "KHR_meshopt_compression",
         "as EXT_meshopt_compression, attributes of version 0",
     ),
-    partly(
+    full(
         "KHR_texture_basisu",
-        "the texture's other picture; refused where there is none",
+        "where the texture has no other picture",
     ),
     full("KHR_texture_transform", ""),
     Extension {

@@ -174,10 +174,10 @@ impl<'j> Gltf<'_, '_, 'j> {
         if let Some(index) = inner.index("source", &self.root, "images")? {
             return self.image(index, encoding).map(Some);
         }
-        if let Some(basis) = texture.extension("KHR_texture_basisu") {
-            return Err(basis.fail(
-                "KTX2 pictures are not read, and the texture has no other; `gltf-transform ktxdecompress` converts them",
-            ));
+        if let Some(basis) = texture.extension("KHR_texture_basisu")
+            && let Some(index) = basis.index("source", &self.root, "images")?
+        {
+            return self.image(index, encoding).map(Some);
         }
         self.cx.warn(
             &user.place(),
@@ -189,12 +189,6 @@ impl<'j> Gltf<'_, '_, 'j> {
     fn image(&mut self, index: usize, encoding: Encoding) -> Result<ImageId, Issue> {
         let at = self.list_item("images", index)?;
         at.only(super::properties::IMAGE, self.cx)?;
-        if let Some(mime) = at.get("mimeType")
-            && mime.text()? == "image/ktx2"
-        {
-            return Err(mime
-                .fail("KTX2 pictures are not read; `gltf-transform ktxdecompress` converts them"));
-        }
         let label = format!("{}#{}", self.file, at.pointer);
         match (
             at.get("uri"),

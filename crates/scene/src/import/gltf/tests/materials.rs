@@ -356,6 +356,22 @@ fn pictures_lie_in_buffers_data_uris_and_files() {
         json!({"source": 1, "extensions": {"KHR_texture_basisu": {"source": 0}}}),
     );
     assert!(basis.fine().images[0].bytes.is_some());
+    // And it is read where there is none.
+    let mut ktx = crate::picture::KTX2.to_vec();
+    for word in [0, 1, 4, 4, 0, 0, 1] {
+        ktx.extend(u32::to_le_bytes(word));
+    }
+    let alone = basis
+        .with(
+            "/images/0",
+            json!({"uri": data_uri(&ktx), "mimeType": "image/ktx2"}),
+        )
+        .with(
+            "/textures/0",
+            json!({"extensions": {"KHR_texture_basisu": {"source": 0}}}),
+        )
+        .with("/extensionsRequired", json!(["KHR_texture_basisu"]));
+    assert_eq!(alone.fine().images[0].bytes.as_deref(), Some(&*ktx));
 }
 
 impl Model {
