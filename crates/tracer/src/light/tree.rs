@@ -280,10 +280,18 @@ fn union(a: &LightBounds, b: &LightBounds) -> LightBounds {
 /// The smallest cone around two cones, given by axis and cosine of the half angle; widened by a hair
 /// so that rounding leaves nothing outside.
 fn union_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
+    let cos = a.0.dot(b.0);
+    // A single direction within the other cone, which is nearly always so, needs no angles.
+    if b.1 >= 1.0 && cos >= a.1 {
+        return a;
+    }
+    if a.1 >= 1.0 && cos >= b.1 {
+        return b;
+    }
     let pi = std::f64::consts::PI;
     let angle = |c: f32| libm::acos(c.clamp(-1.0, 1.0) as f64);
     let (ta, tb) = (angle(a.1), angle(b.1));
-    let between = angle(a.0.dot(b.0));
+    let between = angle(cos);
     if (between + tb).min(pi) <= ta {
         return a;
     }
@@ -306,6 +314,9 @@ fn union_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
 /// Reorders lights and says how many go left: the cheapest of the splits between buckets along each
 /// axis, halves where there is none.
 fn split(lights: &mut [(u32, LightBounds)], bounds: &LightBounds, depth: u32) -> usize {
+    if lights.len() == 2 {
+        return 1;
+    }
     let center = |l: &LightBounds| (l.min + l.max) * 0.5;
     let (lo, hi) = lights
         .iter()
@@ -330,20 +341,26 @@ fn split(lights: &mut [(u32, LightBounds)], bounds: &LightBounds, depth: u32) ->
             }
             // Thin boxes should be cut across.
             let regular = (extent.max_element() / extent[axis].max(1e-30)) as f64;
-            for cut in 1..BUCKETS {
-                let side = |range: &[Option<LightBounds>]| {
-                    range
-                        .iter()
-                        .flatten()
-                        .fold(None, |s: Option<LightBounds>, c| {
-                            Some(s.map_or(*c, |s| union(&s, c)))
-                        })
+            // What lies right of each cut.
+            let mut right = cells;
+            for i in (0..BUCKETS - 1).rev() {
+                right[i] = match (cells[i], right[i + 1]) {
+                    (Some(a), Some(b)) => Some(union(&b, &a)),
+                    (a, b) => a.or(b),
                 };
-                if let (Some(a), Some(b)) = (side(&cells[..cut]), side(&cells[cut..])) {
-                    let cost = (cost(&a) + cost(&b)) * regular;
-                    if best.is_none_or(|(c, _, _)| cost < c) {
-                        best = Some((cost, axis, cut));
-                    }
+            }
+            let mut left: Option<LightBounds> = None;
+            for cut in 1..BUCKETS {
+                // A cut after an empty cell is the one before it once more.
+                let Some(cell) = &cells[cut - 1] else {
+                    continue;
+                };
+                let a = left.map_or(*cell, |l| union(&l, cell));
+                left = Some(a);
+                let Some(b) = &right[cut] else { break };
+                let cost = (cost(&a) + cost(b)) * regular;
+                if best.is_none_or(|(c, _, _)| cost < c) {
+                    best = Some((cost, axis, cut));
                 }
             }
         }
@@ -363,15 +380,12 @@ fn split(lights: &mut [(u32, LightBounds)], bounds: &LightBounds, depth: u32) ->
 /// Strength times the solid angle that is lit times the surface of the box [ConEstevez18, section 4.4].
 fn cost(b: &LightBounds) -> f64 {
     let pi = std::f64::consts::PI;
-    let normals = libm::acos(b.cos_normals.clamp(-1.0, 1.0) as f64);
+    let cos = b.cos_normals.clamp(-1.0, 1.0) as f64;
+    let (normals, sin) = (libm::acos(cos), libm::sqrt(1.0 - cos * cos));
     let emission = libm::acos(b.cos_emission.clamp(-1.0, 1.0) as f64);
     let lit = (normals + emission).min(pi);
-    let angle = 2.0 * pi * (1.0 - libm::cos(normals))
-        + pi / 2.0
-            * (2.0 * lit * libm::sin(normals)
-                - libm::cos(normals - 2.0 * lit)
-                - 2.0 * normals * libm::sin(normals)
-                + libm::cos(normals));
+    let angle = 2.0 * pi * (1.0 - cos)
+        + pi / 2.0 * (2.0 * lit * sin - libm::cos(normals - 2.0 * lit) - 2.0 * normals * sin + cos);
     let d = (b.max - b.min).max(Vec3::splat(1e-12));
     b.strength as f64 * angle * (d.x * d.y + d.y * d.z + d.z * d.x) as f64
 }
