@@ -108,19 +108,17 @@ pub fn weighted(spectrum: impl Fn(f64) -> f64) -> Rgb {
 
 /// The same with what lies outside the gamut, which is negative.
 pub(crate) fn weighted_signed(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
-    /// What the channels see of each wavelength, and of all together.
-    static SEEN: LazyLock<(Vec<(f64, [f64; 3])>, [f64; 3])> = LazyLock::new(|| {
+    /// What the channels see of each wavelength.
+    static SEEN: LazyLock<Vec<(f64, [f64; 3])>> = LazyLock::new(|| {
         let seen = |lambda| rgb_of(matching(lambda)).map(|c| c * planck(6504.0, lambda) * 1e-13);
-        let list: Vec<_> = wavelengths().map(|lambda| (lambda, seen(lambda))).collect();
-        let all = std::array::from_fn(|i| list.iter().map(|(_, seen)| seen[i]).sum());
-        (list, all)
+        wavelengths().map(|lambda| (lambda, seen(lambda))).collect()
     });
-    let (list, all) = &*SEEN;
-    let mut sum = [0.0; 3];
-    for (lambda, seen) in list {
+    let (mut sum, mut all) = ([0.0; 3], [0.0; 3]);
+    for (lambda, seen) in &*SEEN {
         let value = spectrum(*lambda);
         for i in 0..3 {
             sum[i] += value * seen[i];
+            all[i] += seen[i];
         }
     }
     std::array::from_fn(|i| sum[i] / all[i])

@@ -16,7 +16,8 @@ const FOUND: f64 = 1e-6;
 /// back at the base each time. Colours outside [0, 1] and those without a curve stay as they are.
 pub fn under_coat(rgb: Rgb, ior: f32) -> Rgb {
     let grey = rgb.iter().all(|c| *c == rgb[0]);
-    if grey || !(ior > 1.0) || !rgb.iter().all(|c| (0.0..=1.0).contains(c)) {
+    let coated = ior > 1.0 && rgb.iter().all(|c| (0.0..=1.0).contains(c));
+    if grey || !coated {
         return rgb;
     }
     let Some(curve) = Curve::of(rgb.map(f64::from)) else {
