@@ -46,7 +46,7 @@ impl Numbers {
 
     fn direction(&mut self) -> Vec3 {
         let z = 2.0 * self.one() - 1.0;
-        let (sin, cos) = (std::f32::consts::TAU * self.one()).sin_cos();
+        let (sin, cos) = tracer::math::sin_cos_2pi(self.one());
         let r = (1.0 - z * z).max(0.0).sqrt();
         Vec3::new(r * cos, r * sin, z)
     }

@@ -35,8 +35,9 @@ fn cases() -> impl Iterator<Item = (usize, &'static Kind)> {
 /// Hills over the unit square.
 fn terrain(triangles: usize) -> SceneDesc {
     let n = ((triangles / 2) as f64).sqrt() as u32;
+    let wave = |turns: f32| tracer::math::sin_cos_2pi(turns - turns.floor()).0;
     let height = |x: f32, z: f32| {
-        0.06 * (x * 9.0).sin() * (z * 7.0).cos() + 0.01 * (x * 61.0).cos() * (z * 53.0).sin()
+        0.06 * wave(x * 1.4) * wave(z * 1.1) + 0.01 * wave(x * 9.7) * wave(z * 8.4)
     };
     let positions = (0..=n)
         .flat_map(|j| (0..=n).map(move |i| (i as f32 / n as f32, j as f32 / n as f32)))

@@ -435,8 +435,8 @@ fn ktx2() -> Vec<u8> {
     words(&[127 << 16 | 3 << 24, 0, 0, u32::MAX]);
     words(&[0, 0, 0]);
     for block in BLOCKS {
-        let colour = u128::from(block) * 80 | 50 << 8 | 77 << 16 | 255 << 24;
-        out.extend((0x17 | colour << 5).to_le_bytes());
+        let colour = u32::from_le_bytes([block * 80, 50, 77, 255]);
+        out.extend((0x17 | (u128::from(colour) << 5)).to_le_bytes());
     }
     out
 }

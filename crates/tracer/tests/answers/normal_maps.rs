@@ -103,7 +103,7 @@ fn normal_maps_do_not_leap_at_the_horizon() {
 fn diffuse_light_fades_as_a_map_leans() {
     let mut before = f64::INFINITY;
     for degrees in [0.0f32, 20.0, 45.0, 70.0, 89.0, 100.0, 120.0, 150.0] {
-        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (sin, cos) = tracer::math::sin_cos_2pi(degrees / 360.0);
         let map = [0.5 + 0.5 * sin, 0.5, 0.5 + 0.5 * cos];
         let mut desc = square(map, None, at(0.0, 0.0, -2.0));
         desc.integrator = blank(4, 4).integrator;
