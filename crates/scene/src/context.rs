@@ -264,7 +264,7 @@ impl<'a> Context<'a> {
     pub fn add_mesh(&mut self, place: &Place, mesh: Mesh) -> Result<MeshId, Issue> {
         let id =
             u32::try_from(self.meshes.len()).map_err(|_| Issue::new(place, "too many meshes"))?;
-        self.charge(place, mesh_bytes(&mesh))?;
+        self.charge(place, mesh.memory_bytes())?;
         let mut mesh = mesh;
         // Names are what other files refer to: keep them different.
         while !self.mesh_names.insert(mesh.name.clone()) {
@@ -280,14 +280,14 @@ impl<'a> Context<'a> {
         if let Some(&id) = self.ply_ids.get(&path) {
             return Ok(id);
         }
-        let mesh = self.ply_mesh(place, &path)?;
+        let mesh = self.ply_mesh(place, &path, false)?;
         let id = self.add_mesh(place, mesh)?;
         self.ply_ids.insert(path, id);
         Ok(id)
     }
 
-    /// Reads a PLY file without listing it; its name is the path.
-    pub fn ply_mesh(&mut self, place: &Place, path: &str) -> Result<Mesh, Issue> {
+    /// Reads a PLY file without listing it; its name is the path. Its colours are kept if wanted.
+    pub fn ply_mesh(&mut self, place: &Place, path: &str, colors: bool) -> Result<Mesh, Issue> {
         Ok(match self.assets.read(path) {
             Ok(bytes) => {
                 let size = bytes.len() as u64;
@@ -319,6 +319,7 @@ impl<'a> Context<'a> {
                     } else {
                         vec![Arc::new(ply.uvs)]
                     },
+                    colors: Arc::new(colors.then(|| linear(&ply.colors)).unwrap_or_default()),
                     indices: Arc::new(ply.indices),
                     ..Mesh::default()
                 }
@@ -335,21 +336,11 @@ impl<'a> Context<'a> {
     }
 }
 
-/// Memory of a mesh's arrays.
-pub(crate) fn mesh_bytes(mesh: &Mesh) -> u64 {
-    let deformation = mesh.deformation.as_ref().map_or(0, |d| {
-        d.keys
-            .iter()
-            .map(|k| (k.positions.len() + k.normals.len()) as u64 * 12)
-            .sum::<u64>()
-    });
-    (mesh.positions.len() * 12
-        + mesh.normals.len() * 12
-        + mesh.tangents.len() * 16
-        + mesh.uvs.iter().map(|uv| uv.len() * 8).sum::<usize>()
-        + mesh.colors.len() * 16
-        + mesh.indices.len() * 12) as u64
-        + deformation
+/// Colours of vertices as a mesh has them.
+fn linear(colors: &[[f32; 3]]) -> Vec<[f32; 4]> {
+    let decode = |x: f32| crate::color::srgb_to_linear(f64::from(x.clamp(0.0, 1.0))) as f32;
+    let row = |&[r, g, b]: &[f32; 3]| [decode(r), decode(g), decode(b), 1.0];
+    colors.iter().map(row).collect()
 }
 
 /// What is shown in place of a mesh that is not there.

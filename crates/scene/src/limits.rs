@@ -18,6 +18,11 @@ pub const MAX_NUMBERS: usize = 1 << 26;
 pub const MAX_OCTAVES: u32 = 64;
 /// How deep files may include files, and blocks may lie in blocks.
 pub const MAX_NESTING: usize = 64;
+/// Most files that a scene may include, each counted as often as it is: files that include others twice
+/// would double the work at every level.
+pub const MAX_INCLUDES: u32 = 10_000;
+/// Most bytes of text of all included files together, counted as often.
+pub const MAX_INCLUDED_BYTES: u64 = 4 << 30;
 /// Deepest nesting of instances in groups.
 pub const MAX_INSTANCE_DEPTH: usize = 32;
 /// Most primitives that all instances together may stand for.
@@ -26,3 +31,5 @@ pub const MAX_PLACED_PRIMITIVES: u64 = 1 << 40;
 pub const MAX_DIAGNOSTICS: usize = 1_000;
 /// Most cells of a grid by axis.
 pub const MAX_GRID_SIDE: u32 = 1 << 14;
+/// Most procedural clouds of a scene: each of them is tabulated, half a second of work for a line of text.
+pub const MAX_CLOUDS: u32 = 16;

@@ -52,8 +52,13 @@ use std::rc::Rc;
 use tree::At;
 
 /// Elements that may be read or moved in all: files refer to the same numbers as often as they like,
-/// so that a small one can ask for endless work. Tests are content with less.
-const MAX_WORK: u64 = if cfg!(test) { 1 << 24 } else { 1 << 30 };
+/// so that a small one can ask for endless work. Tests and
+/// fuzzers are content with less.
+const MAX_WORK: u64 = if cfg!(any(test, fuzzing)) {
+    1 << 24
+} else {
+    1 << 30
+};
 
 /// A file while it is read.
 struct Gltf<'c, 'a, 'j> {
@@ -113,6 +118,8 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>, look: &Look) -> Result<Im
     // GLB pads its JSON with spaces, and some writers with zeros.
     let json = tree::parse(main, text.trim_end_matches('\0'))?;
     let root = At::root(main, &json);
+    // Before anything else: another version has other types in the same places.
+    check_version(&root)?;
     let mut gltf = Gltf {
         file: main,
         buffers: Buffers::new(&root, parts.bin)?,
@@ -183,27 +190,9 @@ impl<'j> Gltf<'_, '_, 'j> {
         Ok(Imported { desc, has_camera })
     }
 
-    /// Version and extensions.
+    /// Extensions.
     fn head(&mut self) -> Result<(), Issue> {
         self.root.only(properties::ROOT, self.cx)?;
-        let asset = self.root.need("asset")?;
-        let version = asset.need("version")?;
-        let least = asset.get("minVersion");
-        for at in [Some(&version), least.as_ref()].into_iter().flatten() {
-            let text = at.text()?;
-            let major = text.split('.').next().unwrap_or_default();
-            if major != "2" {
-                return Err(at.fail(format!("glTF of version {text:?}; 2.0 is read here")));
-            }
-        }
-        if let Some(least) = least
-            && least.text()? != "2.0"
-        {
-            return Err(least.fail(format!(
-                "the file needs glTF {}; 2.0 is read here",
-                least.text()?
-            )));
-        }
         for used in self.root.items("extensionsUsed")? {
             self.declared.insert(used.text()?);
         }
@@ -256,4 +245,27 @@ impl<'j> Gltf<'_, '_, 'j> {
             ))),
         }
     }
+}
+
+/// Refuses what is not glTF 2.0.
+fn check_version(root: &At<'_>) -> Result<(), Issue> {
+    let asset = root.need("asset")?;
+    let version = asset.need("version")?;
+    let least = asset.get("minVersion");
+    for at in [Some(&version), least.as_ref()].into_iter().flatten() {
+        let text = at.text()?;
+        let major = text.split('.').next().unwrap_or_default();
+        if major != "2" {
+            return Err(at.fail(format!("glTF of version {text:?}; 2.0 is read here")));
+        }
+    }
+    if let Some(least) = least
+        && least.text()? != "2.0"
+    {
+        return Err(least.fail(format!(
+            "the file needs glTF {}; 2.0 is read here",
+            least.text()?
+        )));
+    }
+    Ok(())
 }

@@ -50,7 +50,11 @@ fn survive(main: &str, files: &MemorySource) {
                 .iter()
                 .all(|d| d.severity == crate::Severity::Warning)
         );
-        let bytes: u64 = desc.meshes.iter().map(crate::context::mesh_bytes).sum();
+        let bytes: u64 = desc
+            .meshes
+            .iter()
+            .map(crate::model::Mesh::memory_bytes)
+            .sum();
         assert!(bytes <= crate::limits::MAX_IMPORT_BYTES);
     }
 }
@@ -171,6 +175,7 @@ proptest! {
             normals: vec![[0.0, 0.0, 1.0]; 4],
             uvs: vec![[0.5, 0.25]; 4],
             indices: vec![[0, 1, 2], [1, 3, 2]],
+            ..super::ply::PlyMesh::default()
         };
         let ascii = b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 1\n4 0 1 3 2\n";
         let bytes = if binary { super::ply::write(&mesh) } else { ascii.to_vec() };

@@ -79,12 +79,11 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<Imported, Issue
     reader
         .cx
         .charge(&reader.place.clone(), bytes.len() as u64 * 8)?;
-    for (line, text) in lines(&bytes) {
-        reader.place.line = Some(line);
-        let result = match text {
-            Ok(text) => reader.statement(&text),
-            Err(reason) => Err(Issue::new(&reader.place, reason)),
-        };
+    let mut foreign = false;
+    for line in lines(&bytes) {
+        reader.place.line = Some(line.number);
+        line.check(&reader.place, reader.cx, &mut foreign)?;
+        let result = reader.statement(&line.text);
         reader.cx.keep(result);
         if reader.cx.hopeless() {
             break;
@@ -96,8 +95,31 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<Imported, Issue
     scene
 }
 
-/// Lines with their numbers, joined where they end in a backslash, without comments.
-fn lines(bytes: &[u8]) -> impl Iterator<Item = (u32, Result<String, String>)> + '_ {
+/// A statement.
+struct Line {
+    /// Of its first line.
+    number: u32,
+    text: String,
+    /// The bytes were not UTF-8 and were taken for Latin-1, in which each byte is a character.
+    latin: bool,
+}
+
+impl Line {
+    /// Refuses what is no text of one byte a character; says so, once a file, where the encoding is old.
+    fn check(&self, place: &Place, cx: &mut Context<'_>, warned: &mut bool) -> Result<(), Issue> {
+        if self.text.contains('\0') {
+            let reason = "a zero byte: not a text of one byte a character (UTF-8 is read here)";
+            return Err(Issue::new(place, reason));
+        }
+        if self.latin && !std::mem::replace(warned, true) {
+            cx.warn(place, "not UTF-8; read as Latin-1");
+        }
+        Ok(())
+    }
+}
+
+/// Statements: lines joined where they end in a backslash, without comments.
+fn lines(bytes: &[u8]) -> impl Iterator<Item = Line> + '_ {
     let mut rest = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let mut number = 0u32;
     std::iter::from_fn(move || {
@@ -123,11 +145,19 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (u32, Result<String, String>)> + 
                 }
             }
         }
-        let text = String::from_utf8(text).map_err(|_| "not UTF-8 text".to_owned());
-        Some((
-            first,
-            text.map(|t| t.split('#').next().unwrap_or_default().trim().to_owned()),
-        ))
+        // Nobody cares in which encoding a comment is.
+        if let Some(comment) = text.iter().position(|&b| b == b'#') {
+            text.truncate(comment);
+        }
+        let (text, latin) = match String::from_utf8(text) {
+            Ok(text) => (text, false),
+            Err(e) => (e.as_bytes().iter().map(|&b| char::from(b)).collect(), true),
+        };
+        Some(Line {
+            number: first,
+            text: text.trim().to_owned(),
+            latin,
+        })
     })
 }
 

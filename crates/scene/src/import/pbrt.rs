@@ -32,7 +32,7 @@ mod textures;
 
 use crate::context::{Context, Issue};
 use crate::diagnostic::Place;
-use crate::limits::MAX_NESTING;
+use crate::limits::{MAX_INCLUDED_BYTES, MAX_INCLUDES, MAX_NESTING};
 use crate::model::{
     Camera, Curves, Emission, FloatTex, Group, GroupId, Instance, Light, Material, MaterialId,
     Medium, MediumId, MediumInterface, Motion, Primitive, SceneDesc, Shape, Texture,
@@ -159,6 +159,10 @@ pub(crate) struct Importer<'c, 'a> {
     interiors: Vec<Option<MediumId>>,
     media: Vec<Medium>,
     media_names: BTreeMap<String, MediumId>,
+    /// Procedural clouds so far.
+    clouds: u32,
+    /// Files read so far, and bytes of text in them.
+    included: (u32, u64),
     curves: Vec<Curves>,
     float_textures: BTreeMap<String, FloatTex>,
     color_textures: BTreeMap<String, crate::model::ColorTex>,
@@ -206,6 +210,8 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
         interiors: Vec::new(),
         media: Vec::new(),
         media_names: BTreeMap::new(),
+        clouds: 0,
+        included: (0, 0),
         curves: Vec::new(),
         float_textures: BTreeMap::new(),
         color_textures: BTreeMap::new(),
@@ -234,6 +240,11 @@ impl Importer<'_, '_> {
                 format!("files included more than {MAX_NESTING} deep, the limit"),
             ));
         }
+        self.included.0 += 1;
+        if self.included.0 > MAX_INCLUDES {
+            let reason = format!("more files included than the limit of {MAX_INCLUDES}");
+            return Err(Issue::new(place, reason));
+        }
         let raw = self.cx.read(place, path)?;
         let mut size = raw.len() as u64;
         let unpacked;
@@ -254,6 +265,12 @@ impl Importer<'_, '_> {
             size += out.len() as u64;
             unpacked = out;
             bytes = &unpacked;
+        }
+        self.included.1 += bytes.len() as u64;
+        if self.included.1 > MAX_INCLUDED_BYTES {
+            let reason =
+                format!("included files of more than {MAX_INCLUDED_BYTES} bytes, the limit");
+            return Err(Issue::new(place, reason));
         }
         if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
             let here = Place {

@@ -1,5 +1,5 @@
-//! PLY meshes: ASCII and both byte orders, also gzipped. Positions, normals and one set of texture
-//! coordinates are taken, other elements and properties are skipped. Polygons are cut into fans.
+//! PLY meshes: ASCII and both byte orders, also gzipped. Positions, normals, one set of texture
+//! coordinates and colours are taken, other elements and properties are skipped. Polygons are cut into fans.
 //!
 //! Nothing is allocated that the header merely claims: every count is held against the bytes that
 //! are there.
@@ -22,6 +22,8 @@ pub struct PlyMesh {
     pub normals: Vec<[f32; 3]>,
     /// Texture coordinates, or empty.
     pub uvs: Vec<[f32; 2]>,
+    /// Colours of the vertices, sRGB from 0 to 1, or empty.
+    pub colors: Vec<[f32; 3]>,
     /// Triangles.
     pub indices: Vec<[u32; 3]>,
 }
@@ -109,6 +111,10 @@ fn read_plain(bytes: &[u8]) -> Result<(PlyMesh, Vec<String>), PlyError> {
         );
         mesh.uvs = Vec::new();
     }
+    if !finite(&mesh.colors) {
+        notes.push("a colour that is not a finite number: all of them are left out".to_owned());
+        mesh.colors = Vec::new();
+    }
     Ok((mesh, notes))
 }
 
@@ -116,7 +122,7 @@ fn finite<const N: usize>(rows: &[[f32; N]]) -> bool {
     rows.iter().flatten().all(|x| x.is_finite())
 }
 
-/// A binary PLY file of a mesh, little-endian, as [`read`] takes it back bit for bit.
+/// A binary PLY file of a mesh, little-endian, as [`read`] takes it back bit for bit; without colours.
 pub fn write(mesh: &PlyMesh) -> Vec<u8> {
     let mut out = String::from("ply\nformat binary_little_endian 1.0\n");
     out += &format!("element vertex {}\n", mesh.positions.len());

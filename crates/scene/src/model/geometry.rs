@@ -26,6 +26,25 @@ pub struct Mesh {
     pub deformation: Option<Arc<Deformation>>,
 }
 
+impl Mesh {
+    /// Memory of its arrays, each counted even where another mesh shares it.
+    pub fn memory_bytes(&self) -> u64 {
+        let deformation = self.deformation.as_ref().map_or(0, |d| {
+            d.keys
+                .iter()
+                .map(|k| (k.positions.len() + k.normals.len()) as u64 * 12)
+                .sum::<u64>()
+        });
+        (self.positions.len() * 12
+            + self.normals.len() * 12
+            + self.tangents.len() * 16
+            + self.uvs.iter().map(|uv| uv.len() * 8).sum::<usize>()
+            + self.colors.len() * 16
+            + self.indices.len() * 12) as u64
+            + deformation
+    }
+}
+
 /// Vertices of a deforming mesh over time; linear between keys.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deformation {

@@ -444,7 +444,7 @@ impl Reader<'_, '_, '_> {
         match (mesh.ply, mesh.buffer, mesh.positions) {
             (Some(ply), None, None) if !inline => {
                 let path = self.cx.path(place, &ply)?;
-                self.cx.ply_mesh(place, &path)
+                self.cx.ply_mesh(place, &path, false)
             }
             (None, Some(file), None) if !inline => {
                 let path = self.cx.path(place, &file)?;

@@ -294,6 +294,7 @@ impl Writer<'_> {
                 normals: mesh.normals.to_vec(),
                 uvs: mesh.uvs.first().map(|uvs| uvs.to_vec()).unwrap_or_default(),
                 indices: mesh.indices.to_vec(),
+                ..ply::PlyMesh::default()
             });
             return (
                 json::Mesh {

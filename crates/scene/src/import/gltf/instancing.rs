@@ -139,7 +139,7 @@ impl<'j> Gltf<'_, '_, 'j> {
         for primitive in at.items("primitives")? {
             let piece = self.piece(&primitive);
             if let Some(Some(piece)) = self.cx.keep(piece) {
-                let size = crate::context::mesh_bytes(&finish(String::new(), &piece.raw));
+                let size = finish(String::new(), &piece.raw).memory_bytes();
                 self.cx.charge(&primitive.place(), size)?;
                 out.push(Placed {
                     at_pointer: primitive.pointer.clone(),

@@ -344,9 +344,13 @@ impl<'j> Attributes<'_, 'j> {
             return Ok(None);
         };
         if self.unpacked.is_some() && !accessor.has_data() {
-            return Err(accessor.at.fail(format!(
-                "{name} lies neither in the packed mesh nor in a buffer"
-            )));
+            let reason = format!("{name} lies neither in the packed mesh nor in a buffer");
+            if name == "POSITION" {
+                return Err(accessor.at.fail(reason));
+            }
+            // Writers leave out what is zero, such as the joints of a skin with a single bone.
+            gltf.cx
+                .warn(&accessor.at.place(), format!("{reason}: all zero"));
         }
         Ok(Some((accessor.numbers()?, accessor.width)))
     }

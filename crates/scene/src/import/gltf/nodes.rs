@@ -27,8 +27,7 @@ impl<'j> Gltf<'_, '_, 'j> {
         self.nodes = (0..count).map(|_| None).collect();
         let mut order = Vec::new();
         let mut stack: Vec<(At<'j>, usize, Option<usize>, usize)> = Vec::new();
-        for root in self.roots()?.into_iter().rev() {
-            let index = root.as_index(&self.root, "nodes")?;
+        for (root, index) in self.roots()?.into_iter().rev() {
             stack.push((root, index, None, 0));
         }
         while let Some((user, index, parent, depth)) = stack.pop() {
@@ -54,9 +53,30 @@ impl<'j> Gltf<'_, '_, 'j> {
         Ok(order)
     }
 
-    /// The roots of the scene that is rendered.
-    fn roots(&mut self) -> Result<Vec<At<'j>>, Issue> {
+    /// The roots of the scene that is rendered: what names each, and its index.
+    fn roots(&mut self) -> Result<Vec<(At<'j>, usize)>, Issue> {
         let scenes = self.root.items("scenes")?;
+        let nodes = self.root.items("nodes")?;
+        if scenes.is_empty() && self.root.get("scene").is_none() && !nodes.is_empty() {
+            // Allowed, and then up to the reader; modelling programs show all there is.
+            self.cx.warn(
+                &self.root.place(),
+                "the file has no scene: all of its nodes are rendered",
+            );
+            let mut inner = vec![false; nodes.len()];
+            for child in nodes.iter().map(|node| node.items("children")) {
+                for child in child? {
+                    inner[child.as_index(&self.root, "nodes")?] = true;
+                }
+            }
+            let roots = nodes.into_iter().enumerate().filter(|(i, _)| !inner[*i]);
+            let roots: Vec<_> = roots.map(|(i, node)| (node, i)).collect();
+            if roots.is_empty() {
+                let reason = "nodes must form a tree, and none may contain itself";
+                return Err(self.root.fail(reason));
+            }
+            return Ok(roots);
+        }
         let chosen = self.root.index("scene", &self.root, "scenes")?;
         let Some(scene) = scenes.get(chosen.unwrap_or(0)) else {
             return Err(self.root.fail("the file has no scene"));
@@ -73,7 +93,10 @@ impl<'j> Gltf<'_, '_, 'j> {
                 ),
             );
         }
-        scene.items("nodes")
+        let roots = scene.items("nodes")?.into_iter();
+        roots
+            .map(|root| Ok((root.clone(), root.as_index(&self.root, "nodes")?)))
+            .collect()
     }
 
     fn local(&mut self, at: &At<'j>, index: usize) -> Result<Local, Issue> {

@@ -28,6 +28,7 @@ fn data_uri(bytes: &[u8]) -> String {
 }
 
 /// A file that grows: every array becomes a view and an accessor of one buffer.
+#[derive(Clone)]
 pub(in crate::import) struct Model {
     pub json: Value,
     pub bytes: Vec<u8>,

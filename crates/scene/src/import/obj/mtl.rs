@@ -79,11 +79,13 @@ impl Library {
 
     /// Reads what a `mtllib` names: one file, whose name may have spaces, or several.
     pub fn read(&mut self, names: &str, place: &Place, cx: &mut Context<'_>) {
+        // Often with the backslashes of the system that wrote them.
+        let names = &names.replace('\\', "/");
         let whole = cx
             .path(place, names)
             .is_ok_and(|path| cx.assets.exists(&path));
         let list: Vec<&str> = if whole || !names.contains(' ') {
-            vec![names]
+            vec![names.as_str()]
         } else {
             names.split_ascii_whitespace().collect()
         };
@@ -108,9 +110,11 @@ impl Library {
             ..Place::default()
         };
         let mut current: Option<String> = None;
-        for (line, text) in lines(&bytes) {
-            place.line = Some(line);
-            let text = text.map_err(|reason| Issue::new(&place, reason))?;
+        let mut foreign = false;
+        for line in lines(&bytes) {
+            place.line = Some(line.number);
+            line.check(&place, cx, &mut foreign)?;
+            let text = line.text;
             let (word, rest) = text
                 .split_once(char::is_whitespace)
                 .map_or((text.as_str(), ""), |(w, r)| (w, r.trim()));
@@ -338,13 +342,19 @@ impl Entry {
         p.anisotropy = FloatTex::Const(self.weight("aniso", 0.0, cx));
         let turn = self.numbers.get("anisor").copied().unwrap_or(0.0);
         p.anisotropy_rotation = FloatTex::Const(turn * 360.0);
-        let open = if self.numbers.contains_key("d") {
+        // Models 4, 6, 7 and 9 are glass; the others are seen through where they are not solid.
+        let glass = [4.0, 6.0, 7.0, 9.0].contains(&illum);
+        let mut open = if self.numbers.contains_key("d") {
             self.weight("d", 1.0, cx)
         } else {
             1.0 - self.weight("Tr", 0.0, cx)
         };
-        // Models 4, 6, 7 and 9 are glass; the others are seen through where they are not solid.
-        let glass = [4.0, 6.0, 7.0, 9.0].contains(&illum);
+        if open == 0.0 && !glass && !self.numbers.contains_key("d") {
+            // Nobody models what cannot be seen; MeshLab writes this for what is solid.
+            open = 1.0;
+            let reason = format!("material {name:?} has Tr 1, which means invisible: shown solid");
+            cx.warn(&self.place, reason);
+        }
         let mut alpha = None;
         if glass {
             let tint = self.colors.get("Tf").copied();
@@ -424,7 +434,7 @@ fn map(words: &[&str], place: &Place, cx: &mut Context<'_>) -> Result<Map, Issue
                 .count(),
             "-mm" => 2,
             "-bm" | "-boost" | "-clamp" | "-blendu" | "-blendv" | "-cc" | "-imfchan"
-            | "-texres" | "-type" => 1,
+            | "-texres" | "-type" | "-colorspace" => 1,
             other => {
                 return Err(Issue::new(
                     place,

@@ -206,6 +206,16 @@ fn broken_files_are_refused_and_odd_ones_named() {
         "d/m.obj:4: error: d/no.mtl: no such file",
     );
     check(
+        &with("mtllib sub\\no.mtl"),
+        MTL,
+        "d/m.obj:4: error: d/sub/no.mtl: no such file",
+    );
+    check(
+        &with("mtllib m.mtl\nusemtl a"),
+        "newmtl a\nmap_Kd -colorspace sRGB my picture.png",
+        "the option -colorspace of a picture is not used",
+    );
+    check(
         &with("mtllib ../../x.mtl"),
         MTL,
         "leaves the scene's folder",
@@ -239,6 +249,11 @@ fn broken_files_are_refused_and_odd_ones_named() {
     check(&with(library), "newmtl a\nKq 2", "\"Kq\" is not used");
     check(
         &with(library),
+        "newmtl a\nTr 1",
+        "d/m.mtl:1: warning: material \"a\" has Tr 1, which means invisible: shown solid",
+    );
+    check(
+        &with(library),
         "newmtl a\nKd spectral x.rfl",
         "only RGB is read",
     );
@@ -265,6 +280,34 @@ fn broken_files_are_refused_and_odd_ones_named() {
     );
 }
 
+/// Old programs wrote names and comments in the encoding of their country.
+#[test]
+fn names_in_latin_1_are_read() {
+    let obj = b"# caf\xe9\nmtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl d\xe6k\nf 1 2 3\n";
+    let mtl = b"newmtl d\xe6k\nKd 1 0 0\n";
+    let source = MemorySource::new()
+        .with("m.obj", obj)
+        .unwrap()
+        .with("m.mtl", mtl)
+        .unwrap();
+    let (desc, said) = load("m.obj", &source, &Overrides::default()).unwrap();
+    assert_eq!(desc.materials[0].name, "d\u{e6}k");
+    let said: Vec<String> = said.iter().map(ToString::to_string).collect();
+    let about = |file: &str| said.iter().filter(|s| s.starts_with(file)).count();
+    assert_eq!((about("m.obj:6"), about("m.mtl:1")), (1, 1), "{said:?}");
+    // Two bytes a character.
+    let wide: Vec<u8> = "v 0 0 0\n"
+        .encode_utf16()
+        .flat_map(u16::to_be_bytes)
+        .collect();
+    let source = MemorySource::new().with("m.obj", wide).unwrap();
+    let error = load("m.obj", &source, &Overrides::default()).unwrap_err();
+    assert!(
+        error.to_string().contains("m.obj:1: a zero byte"),
+        "{error}"
+    );
+}
+
 #[test]
 fn a_ply_file_is_a_scene() {
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
@@ -285,4 +328,40 @@ fn a_ply_file_is_a_scene() {
     };
     let error = load("m.ply", &source, &named).unwrap_err().to_string();
     assert!(error.contains("no camera \"x\""), "{error}");
+}
+
+/// `d` is meant, and so is glass; `Tr 1` of a plain surface is not.
+#[test]
+fn what_is_wholly_transparent() {
+    let alpha = |mtl: &str| {
+        let obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n";
+        let mtl = format!("newmtl a\n{mtl}\n");
+        let (desc, _) = load("d/m.obj", &files(obj, &mtl), &Overrides::default()).unwrap();
+        desc.primitives[0].alpha
+    };
+    assert_eq!(alpha("Tr 1"), None);
+    assert_eq!(alpha("Tr 1\nillum 4"), None);
+    assert_eq!(alpha("Tr 0.75"), Some(FloatTex::Const(0.25)));
+    assert_eq!(alpha("d 0\nTr 1"), Some(FloatTex::Const(0.0)));
+}
+
+/// Scans have their colours at the vertices.
+#[test]
+fn a_ply_file_keeps_its_colours() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
+                property list uchar int vertex_indices\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 188\n3 0 1 2\n";
+    let source = MemorySource::new().with("m.ply", text).unwrap();
+    let (desc, _) = load("m.ply", &source, &Overrides::default()).unwrap();
+    let BsdfDesc::Principled(p) = &desc.materials[0].bsdf else {
+        panic!("{:?}", desc.materials[0])
+    };
+    let ColorTex::Texture(id) = p.base_color else {
+        panic!("{:?}", p.base_color)
+    };
+    assert_eq!(desc.textures[id.index()], Texture::VertexColor);
+    let colors = &desc.meshes[0].colors;
+    assert_eq!(colors[..2], [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0]]);
+    // sRGB 188 is half of the light.
+    assert!((colors[2][2] - 0.5).abs() < 5e-3, "{colors:?}");
 }

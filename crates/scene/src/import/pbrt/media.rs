@@ -7,6 +7,7 @@ use super::{Importer, nearest};
 use crate::color;
 use crate::context::Issue;
 use crate::diagnostic::Place;
+use crate::limits::MAX_CLOUDS;
 use crate::model::{ColorTex, Grid, GridValues, Medium, MediumGrid, MediumId, Rgb};
 use crate::noise;
 use glam::{DAffine3, DVec3};
@@ -15,7 +16,7 @@ use std::sync::Arc;
 pub(super) const MEDIA: [&str; 5] = ["cloud", "homogeneous", "nanovdb", "rgbgrid", "uniformgrid"];
 
 /// Cells along an axis that a procedural cloud is tabulated in.
-const CLOUD_CELLS: u32 = if cfg!(test) { 16 } else { 96 };
+const CLOUD_CELLS: u32 = if cfg!(any(test, fuzzing)) { 16 } else { 96 };
 /// Most cells of a grid along one axis.
 const SIDE_MAX: u32 = 4096;
 
@@ -323,6 +324,12 @@ impl Importer<'_, '_> {
     }
 
     fn cloud(&mut self, params: &Params, transform: DAffine3) -> Result<Medium, Issue> {
+        self.clouds += 1;
+        if self.clouds > MAX_CLOUDS {
+            return params.fail(format!(
+                "more procedural clouds than the limit of {MAX_CLOUDS}"
+            ));
+        }
         let mut medium = self.basic(params)?;
         let density = params.float("density", 1.0)?;
         let wispiness = params.float("wispiness", 1.0)?;

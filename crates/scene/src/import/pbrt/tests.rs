@@ -717,3 +717,22 @@ proptest! {
         let _ = load("s.pbrt", &assets, &Overrides::default());
     }
 }
+
+/// No file includes itself, but each level has twice the work of the one below.
+#[test]
+fn files_that_double_at_every_level_are_refused() {
+    let mut files = MemorySource::new();
+    for level in 0..40 {
+        let twice = format!("Include \"{0}.pbrt\"\nInclude \"{0}.pbrt\"\n", level + 1);
+        files
+            .insert(&format!("{level}.pbrt"), twice.into_bytes())
+            .unwrap();
+    }
+    files.insert("40.pbrt", Vec::new()).unwrap();
+    let error = load("0.pbrt", &files, &Overrides::default()).unwrap_err();
+    let said = error.to_string();
+    assert!(
+        said.contains("more files included than the limit of 10000"),
+        "{said}"
+    );
+}

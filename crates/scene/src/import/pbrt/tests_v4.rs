@@ -213,6 +213,12 @@ fn broken_media_are_refused() {
             "needs \"density\"",
         ),
         (
+            (0..17)
+                .map(|i| format!("MakeNamedMedium \"c{i}\" \"string type\" \"cloud\"\n"))
+                .collect(),
+            "s.pbrt:19: error: more procedural clouds than the limit of 16",
+        ),
+        (
             medium("\"string type\" \"uniformgrid\" \"float density\" [1 2]"),
             "2 values for a grid of 1 x 1 x 1",
         ),

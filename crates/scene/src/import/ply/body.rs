@@ -247,8 +247,8 @@ fn list_length<N: Numbers>(numbers: &mut N, kind: Scalar) -> Result<u64, PlyErro
     Ok(length as u64)
 }
 
-/// What a vertex property is for: x y z, nx ny nz, u v, in this order.
-const SLOTS: [&[&str]; 8] = [
+/// What a vertex property is for: x y z, nx ny nz, u v, red green blue, in this order.
+const SLOTS: [&[&str]; 11] = [
     &["x"],
     &["y"],
     &["z"],
@@ -257,6 +257,9 @@ const SLOTS: [&[&str]; 8] = [
     &["nz"],
     &["u", "s", "texture_u", "texture_s"],
     &["v", "t", "texture_v", "texture_t"],
+    &["red", "diffuse_red"],
+    &["green", "diffuse_green"],
+    &["blue", "diffuse_blue"],
 ];
 
 fn vertices<N: Numbers>(
@@ -270,14 +273,17 @@ fn vertices<N: Numbers>(
     if !has(0..3) {
         return Err(numbers.fail("vertices without x, y and z".into()));
     }
-    let (has_normals, has_uvs) = (has(3..6), has(6..8));
+    let (has_normals, has_uvs, has_colors) = (has(3..6), has(6..8), has(8..11));
     let count =
         usize::try_from(element.count).map_err(|_| numbers.fail("too many vertices".into()))?;
     if u32::try_from(count).is_err() {
         return Err(numbers.fail("more vertices than 32 bits can count".into()));
     }
-    let bytes =
-        count as u64 * (12 + if has_normals { 12 } else { 0 } + if has_uvs { 8 } else { 0 });
+    let record = 12
+        + if has_normals { 12 } else { 0 }
+        + if has_uvs { 8 } else { 0 }
+        + if has_colors { 12 } else { 0 };
+    let bytes = count as u64 * record;
     if bytes > MAX_IMPORT_BYTES {
         return Err(numbers.fail(format!(
             "vertices of {bytes} bytes; the limit of an import is {MAX_IMPORT_BYTES}"
@@ -290,6 +296,9 @@ fn vertices<N: Numbers>(
     if has_uvs {
         mesh.uvs.reserve_exact(count);
     }
+    if has_colors {
+        mesh.colors.reserve_exact(count);
+    }
 
     // Records of plain floats are read as blocks: the usual case by far.
     if element
@@ -298,7 +307,7 @@ fn vertices<N: Numbers>(
         .all(|p| matches!(p.kind, Kind::Scalar(Scalar::F32)))
     {
         let offset = |wanted: usize| slots.iter().position(|s| *s == Some(wanted)).unwrap_or(0) * 4;
-        let offsets: [usize; 8] = std::array::from_fn(offset);
+        let offsets: [usize; SLOTS.len()] = std::array::from_fn(offset);
         let size = element.properties.len() * 4;
         if let Some(block) = numbers.block(size * count) {
             for record in block.chunks_exact(size) {
@@ -310,14 +319,21 @@ fn vertices<N: Numbers>(
                 if has_uvs {
                     mesh.uvs.push([at(6), at(7)]);
                 }
+                if has_colors {
+                    mesh.colors.push([at(8), at(9), at(10)]);
+                }
             }
             return Ok(());
         }
     }
     for _ in 0..count {
-        let mut values = [0.0f32; 8];
+        let mut values = [0.0f32; SLOTS.len()];
         for (property, slot) in element.properties.iter().zip(&slots) {
             match (&property.kind, slot) {
+                // Colours are floats from 0 to 1 or fractions of the largest integer of their type.
+                (Kind::Scalar(kind), Some(slot @ 8..)) => {
+                    values[*slot] = (numbers.next(*kind)? / largest(*kind)) as f32;
+                }
                 (Kind::Scalar(kind), Some(slot)) => values[*slot] = numbers.next(*kind)? as f32,
                 (kind, None) => skip(kind, numbers)?,
                 (Kind::List { .. }, Some(_)) => {
@@ -327,7 +343,7 @@ fn vertices<N: Numbers>(
                 }
             }
         }
-        let [x, y, z, nx, ny, nz, u, v] = values;
+        let [x, y, z, nx, ny, nz, u, v, r, g, b] = values;
         mesh.positions.push([x, y, z]);
         if has_normals {
             mesh.normals.push([nx, ny, nz]);
@@ -335,8 +351,24 @@ fn vertices<N: Numbers>(
         if has_uvs {
             mesh.uvs.push([u, v]);
         }
+        if has_colors {
+            mesh.colors.push([r, g, b]);
+        }
     }
     Ok(())
+}
+
+/// The largest number of an integer type, and 1 of floats.
+fn largest(kind: Scalar) -> f64 {
+    match kind {
+        Scalar::I8 => f64::from(i8::MAX),
+        Scalar::U8 => f64::from(u8::MAX),
+        Scalar::I16 => f64::from(i16::MAX),
+        Scalar::U16 => f64::from(u16::MAX),
+        Scalar::I32 => f64::from(i32::MAX),
+        Scalar::U32 => f64::from(u32::MAX),
+        Scalar::F32 | Scalar::F64 => 1.0,
+    }
 }
 
 fn faces<N: Numbers>(

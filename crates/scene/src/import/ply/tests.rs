@@ -15,8 +15,8 @@ fn square() -> PlyMesh {
             [0.0, 1.0, 0.0],
         ],
         uvs: vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]],
-        normals: vec![],
         indices: vec![[0, 1, 2], [0, 2, 3]],
+        ..PlyMesh::default()
     }
 }
 
@@ -108,6 +108,19 @@ fn bad_normals_are_left_out_with_a_note() {
     let (got, notes) = read(&write(&mesh)).unwrap();
     assert_eq!(got, square());
     assert_eq!(notes.len(), 1);
+}
+
+#[test]
+fn colours_are_fractions_of_their_type() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        property uchar red\nproperty ushort green\nproperty float blue\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n\
+        0 0 0 255 65535 0.5\n1 0 0 51 0 1\n0 1 0 0 0 0\n3 0 1 2\n";
+    let (mesh, notes) = read(text.as_bytes()).unwrap();
+    assert_eq!(mesh.colors, [[1.0, 1.0, 0.5], [0.2, 0.0, 1.0], [0.0; 3]]);
+    assert!(notes.is_empty(), "{notes:?}");
+    let (mesh, notes) = read(text.replace("0.5", "nan").as_bytes()).unwrap();
+    assert_eq!((mesh.colors.len(), notes.len()), (0, 1));
 }
 
 proptest! {

@@ -270,6 +270,15 @@ fn broken_texts_are_refused() {
             "{\"asset\": {\"version\": \"2.0\"}}",
             "the file has no scene",
         ),
+        (
+            "{\"asset\": {\"version\": \"2.0\"}, \"scene\": 0, \"nodes\": [{}]}",
+            "0 of \"scenes\", but there are only 0",
+        ),
+        // An older format, in which lists are objects.
+        (
+            "{\"asset\": {\"version\": \"1.0\"}, \"buffers\": {\"b\": {}}}",
+            "m.gltf#/asset/version: error: glTF of version \"1.0\"; 2.0 is read here",
+        ),
     ] {
         refused(bad, expect);
     }

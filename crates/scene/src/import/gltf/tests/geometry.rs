@@ -270,3 +270,32 @@ fn nodes_place_what_hangs_on_them() {
     );
     assert!(placed.matrix3.determinant() < 0.0);
 }
+
+/// A file need not have a scene; then everything in it is shown, each node where its parents put it.
+#[test]
+fn a_file_without_scenes_is_shown_whole() {
+    let mut m = Model::triangle().with(
+        "/nodes",
+        json!([{"mesh": 0}, {"children": [2], "translation": [0, 5, 0]}, {"mesh": 0}]),
+    );
+    let whole = m.json.as_object_mut().unwrap();
+    whole.remove("scenes");
+    whole.remove("scene");
+    let (desc, said) = m.load().unwrap();
+    assert!(
+        said[0].contains("the file has no scene: all of its nodes"),
+        "{said:?}"
+    );
+    let heights: Vec<f64> = desc
+        .primitives
+        .iter()
+        .map(|p| p.transform.keys[0].transform.translation.y)
+        .collect();
+    assert_eq!(heights, [0.0, 5.0]);
+    // Nothing is a root where nodes contain themselves.
+    let error = m
+        .with("/nodes", json!([{"children": [0]}]))
+        .load()
+        .unwrap_err();
+    assert!(error.to_string().contains("must form a tree"), "{error}");
+}

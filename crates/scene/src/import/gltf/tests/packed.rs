@@ -206,11 +206,34 @@ fn draco_meshes_are_unpacked() {
         );
     }
     let path = "/meshes/0/primitives/0/extensions/KHR_draco_mesh_compression/attributes/POSITION";
-    let error = m.with(path, 1.into()).load().unwrap_err().to_string();
+    let error = m
+        .clone()
+        .with(path, 1.into())
+        .load()
+        .unwrap_err()
+        .to_string();
     assert!(
         error.contains("the packed mesh has no attribute 1"),
         "{error}"
     );
+    // What is in no buffer at all is zero, as in other accessors; positions cannot be.
+    let (desc, said) = m
+        .with(
+            "/accessors/3",
+            json!({"componentType": 5121, "normalized": true, "count": 3, "type": "VEC4"}),
+        )
+        .with("/meshes/0/primitives/0/attributes/COLOR_0", 3.into())
+        .load()
+        .unwrap();
+    assert!(
+        said[0].contains("COLOR_0 lies neither in the packed mesh"),
+        "{said:?}"
+    );
+    let colors = match desc.primitives[0].shape {
+        Shape::Mesh(id) => &desc.meshes[id.index()].colors,
+        ref other => panic!("{other:?}"),
+    };
+    assert_eq!(**colors, [[0.0; 4]; 3]);
     for cut in 0..packed.len() {
         let mut m = Model::new();
         let view = m.view(&packed[..cut.max(1)]);
