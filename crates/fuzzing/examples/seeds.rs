@@ -122,7 +122,7 @@ fn draco() {
         mesh.set_num_faces(indices.len() / 3);
         mesh.set_faces_from_flat_indices(&indices);
         let mut options = EncoderOptions::new();
-        options.set_global_int("encoding_method", method);
+        options.set_encoding_method(method);
         options.set_global_int("encoding_speed", speed);
         options.set_global_int("decoding_speed", speed);
         let mut encoder = MeshEncoder::new();
@@ -221,9 +221,9 @@ fn films() {
 }
 
 fn main() {
-    pictures();
-    archives();
-    draco();
-    meshopt();
     films();
+    archives();
+    meshopt();
+    pictures();
+    draco();
 }
