@@ -39,14 +39,15 @@ impl SampleRange {
 }
 
 /// The first pass border above `index`. Passes end at 1, 2, 4, 8, ... 512, then every 512, in every
-/// job, so that an extension or a tighter target goes on where the straight run would.
+/// job, so that an extension or a tighter target goes on where the straight run would. Indices that
+/// nobody renders come from damaged files: their border is the largest number there is.
 pub fn pass_end(index: u32) -> u32 {
     if index == 0 {
         1
     } else if index < 512 {
         (index + 1).next_power_of_two()
     } else {
-        (index / 512 + 1) * 512
+        (index / 512 + 1).saturating_mul(512)
     }
 }
 
@@ -168,6 +169,7 @@ mod tests {
         );
         assert_eq!(pass_end(300), 512);
         assert_eq!(pass_end(513), 1024);
+        assert_eq!(pass_end(u32::MAX), u32::MAX);
     }
 
     #[test]
