@@ -319,7 +319,11 @@ impl<'a> Context<'a> {
                     } else {
                         vec![Arc::new(ply.uvs)]
                     },
-                    colors: Arc::new(colors.then(|| linear(&ply.colors)).unwrap_or_default()),
+                    colors: Arc::new(if colors {
+                        linear(&ply.colors)
+                    } else {
+                        Vec::new()
+                    }),
                     indices: Arc::new(ply.indices),
                     ..Mesh::default()
                 }
