@@ -140,6 +140,10 @@ impl<'a> Context<'a> {
         }
         Ok(())
     }
+    /// Memory that may still be charged.
+    pub fn remaining(&self) -> u64 {
+        MAX_IMPORT_BYTES.saturating_sub(self.bytes_used)
+    }
     pub fn release(&mut self, bytes: u64) {
         self.bytes_used = self.bytes_used.saturating_sub(bytes);
     }

@@ -3,6 +3,7 @@
 pub mod gltf;
 #[cfg(test)]
 mod mutations;
+pub(crate) mod nanovdb;
 pub mod obj;
 pub mod pbrt;
 pub mod ply;

@@ -10,6 +10,8 @@ pub const MAX_SPP: u32 = 1 << 24;
 pub const MAX_DEPTH: u32 = 1 << 20;
 /// Memory that an import may take: files being read and everything that is made of them.
 pub const MAX_IMPORT_BYTES: u64 = 2 << 30;
+/// Memory of the regular grids that a sparse volume becomes; a larger one is read coarser.
+pub const MAX_VOLUME_BYTES: u64 = 1 << 30;
 /// The largest main file in JSON; long arrays belong into files beside it.
 pub const MAX_JSON_BYTES: u64 = 128 << 20;
 /// Most numbers of one parameter of a pbrt file.
