@@ -215,6 +215,18 @@ pub struct Shading<'s> {
     real: Option<Vec3>,
 }
 
+impl<'s> Shading<'s> {
+    /// Another scattering function in the same frame.
+    #[inline]
+    pub fn with(self, bsdf: &'s Bsdf<'s>) -> Shading<'s> {
+        Shading {
+            bsdf,
+            real: None,
+            ..self
+        }
+    }
+}
+
 impl Shading<'_> {
     /// What lights are chosen for, with `wo` in the frame.
     #[inline]

@@ -28,6 +28,10 @@ pub struct Medium {
     pub g: f32,
     /// Variation in space; `None` is the same everywhere.
     pub grid: Option<MediumGrid>,
+    /// Of what fills a translucent body: the index of refraction of its glass border. What happens
+    /// inside, and leaving it, then counts as one event of a path with entering it, and light leaves as
+    /// from a diffuse surface, so that lights outside are sampled where it does.
+    pub translucent: Option<f32>,
 }
 
 /// How a medium varies: factors on its coefficients, trilinear between the centres of cells, zero

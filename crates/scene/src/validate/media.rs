@@ -44,6 +44,11 @@ fn medium(m: &Medium, found: &mut Findings) {
             m.g
         )
     });
+    if let Some(ior) = m.translucent {
+        found.check((0.01..=100.0).contains(&ior), || {
+            format!("{what}: an index of refraction of {ior}; it lies between 0.01 and 100")
+        });
+    }
     let Some(g) = &m.grid else { return };
     found.transform(&what, &g.transform);
     let [low, high] = g.bounds;

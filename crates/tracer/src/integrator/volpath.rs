@@ -5,10 +5,12 @@
 //! carries the transmittance, and the density with which a flight would have passed the same way, so
 //! that light sampling and scattering are weighed against each other with everything that happened in
 //! between (balance heuristic over both and over the channels [Veach95], [Miller19]; see
-//! [`crate::medium::track`]). A scattering event in a medium counts as one of the path's events.
+//! [`crate::medium::track`]). A scattering event in a medium counts as one of the path's events, but for
+//! those inside a translucent body: the whole walk from entering it to leaving it counts as one.
 
 use super::path::{ROULETTE_FACTOR, ROULETTE_FROM, bounded, hidden_sky};
 use super::{First, Passing, sky_alpha};
+use crate::bsdf::Bsdf;
 use crate::geometry::{Interaction, Surface};
 use crate::light::Aim;
 use crate::light::Light;
@@ -16,7 +18,7 @@ use crate::material::Shading;
 use crate::material::Slots;
 use crate::math::{Rgb, dot, length, mean};
 use crate::medium::track::{self, Carried, Flight, Shadow};
-use crate::medium::{FAR, phase};
+use crate::medium::{FAR, Medium, phase};
 use crate::ray::{NONE, Ray};
 use crate::sampler::{BounceNumbers, Sampler};
 use crate::scene::Scene;
@@ -31,6 +33,9 @@ pub struct Limits {
     /// Perfect mirrors and panes, where those are counted apart (direct light only).
     pub deltas: Option<u32>,
 }
+
+/// Most events inside translucent bodies along a path.
+const WALK_MAX: u32 = 1024;
 
 /// Where light is gathered.
 #[derive(Clone, Copy)]
@@ -81,6 +86,8 @@ pub fn sample(
     let mut first = First::NOTHING;
     let mut seen_first = false;
     let (mut depth, mut deltas) = (0, 0);
+    // Events inside translucent bodies.
+    let mut walk = 0;
     let mut passing = Passing::new();
     // The surface or the point of a medium that the ray left.
     let mut from = ray.origin;
@@ -131,11 +138,27 @@ pub fn sample(
                         };
                     }
                     carried.normalize();
+                    counters.bounces += 1;
+                    if m.border.is_some() {
+                        // No light is sampled here: the border would be in its way.
+                        walk += 1;
+                        let numbers = sampler.bounce(scene.geometry.level);
+                        let (wi, _) = phase::sample(m.g, d, numbers.bsdf);
+                        let roulette = numbers.roulette;
+                        if walk > WALK_MAX
+                            || !survives(&mut carried, eta_scale, depth + walk, roulette)
+                        {
+                            break;
+                        }
+                        by_lights = false;
+                        ray = Ray::new(p, wi, ray.time);
+                        from = p;
+                        continue;
+                    }
                     if depth >= limits.events {
                         break;
                     }
                     depth += 1;
-                    counters.bounces += 1;
                     let numbers = sampler.bounce(scene.geometry.level);
                     let vertex = Vertex::Medium {
                         p,
@@ -207,11 +230,28 @@ pub fn sample(
             seen_first = true;
             first = First::surface(&it, &shading, wo, travelled + hit.t * scale);
         }
-        if depth >= limits.events {
+        let border = match scene.media.get(medium) {
+            Some(Medium {
+                border: Some(border),
+                ..
+            }) if matches!(shading.bsdf, Bsdf::Dielectric(_)) => Some(border),
+            _ => None,
+        };
+        let shading = match border {
+            Some(border) => shading.with(&border.bsdf),
+            None => shading,
+        };
+        if border.is_some() {
+            walk += 1;
+            if walk > WALK_MAX {
+                break;
+            }
+        } else if depth >= limits.events {
             break;
         }
         let delta = shading.bsdf.is_delta();
         match limits.deltas {
+            _ if border.is_some() => {}
             Some(most) if delta => {
                 deltas += 1;
                 if deltas > most {
@@ -238,9 +278,12 @@ pub fn sample(
         };
         carried.beta *= s.weight;
         if s.transmitted {
-            eta_scale *= s.eta * s.eta;
+            eta_scale *= match border {
+                Some(border) => 1.0 / border.eta2,
+                None => s.eta * s.eta,
+            };
         }
-        if !survives(&mut carried, eta_scale, depth, numbers.roulette) {
+        if !survives(&mut carried, eta_scale, depth + walk, numbers.roulette) {
             break;
         }
         by_lights = !s.delta;

@@ -48,6 +48,8 @@ pub struct AreaLight {
     pub shape: AreaShape,
     /// Index into the emissions.
     pub emission: u32,
+    /// Whether no ray ever meets the shape (a surface of opacity 0): then only sampling finds it.
+    pub unseen: bool,
 }
 
 /// Geometry of a shining shape. Normals are unit vectors on the outside.
@@ -233,7 +235,7 @@ impl AreaLight {
                         target: Some(q),
                         li,
                         pdf,
-                        delta: false,
+                        delta: self.unseen,
                     },
                 );
             }
@@ -252,7 +254,7 @@ impl AreaLight {
             target: Some(q),
             li,
             pdf,
-            delta: false,
+            delta: self.unseen,
         })
     }
 

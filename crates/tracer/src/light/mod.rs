@@ -69,9 +69,9 @@ pub struct LightSample {
     pub wi: Vec3,
     /// The point of the light; `None` at infinity.
     pub target: Option<Vec3>,
-    /// Radiance (for delta lights: irradiance on a surface that faces `wi`).
+    /// Radiance (for lights without extent: irradiance on a surface that faces `wi`).
     pub li: Rgb,
-    /// Density per solid angle of the direction, given the light; 1 for delta lights.
+    /// Density per solid angle of the direction, given the light; 1 for lights without extent.
     pub pdf: f32,
     /// No direction sampled otherwise ever meets this light.
     pub delta: bool,

@@ -10,6 +10,7 @@ pub mod grid;
 pub mod phase;
 pub mod track;
 
+use crate::bsdf::{Bsdf, DiffuseTransmission, fresnel_dielectric};
 use crate::math::{Rgb, exp};
 use grid::GridMedium;
 use scene::model::{self, SceneDesc};
@@ -31,6 +32,41 @@ pub struct Medium {
     pub g: f32,
     /// Variation in space.
     pub grid: Option<GridMedium>,
+    /// How light leaves a translucent body.
+    pub border: Option<Border>,
+}
+
+/// The border of a translucent body as light from inside meets it, with the index of refraction of the
+/// body over that of its surroundings.
+///
+/// Light that was scattered often comes from everywhere alike, so that the border sends back the mean
+/// of Fresnel's reflectance over the hemisphere and lets the rest out as a diffuse surface does: lights
+/// can be sampled where it leaves, which no smooth border allows. From outside it stays what it is.
+pub struct Border {
+    /// What is sent back and let out; the latter with the change of radiance.
+    pub bsdf: Bsdf<'static>,
+    /// Inside over outside, squared.
+    pub eta2: f32,
+}
+
+impl Border {
+    fn new(eta: f32) -> Border {
+        // The integral of 2 F cos over the cosines, by midpoints.
+        const STEPS: u32 = 256;
+        let mut back = 0.0;
+        for i in 0..STEPS {
+            let cos = (i as f32 + 0.5) / STEPS as f32;
+            back += 2.0 * cos * fresnel_dielectric(cos, 1.0 / eta).0 / STEPS as f32;
+        }
+        let out = (1.0 - back).max(0.0) * eta * eta;
+        Border {
+            bsdf: Bsdf::DiffuseTransmission(DiffuseTransmission::new(
+                Rgb::splat(back),
+                Rgb::splat(out),
+            )),
+            eta2: eta * eta,
+        }
+    }
 }
 
 /// Coefficients at a point.
@@ -67,6 +103,7 @@ impl Medium {
                 .grid
                 .as_ref()
                 .map(|g| GridMedium::new(g, sigma_a, sigma_s)),
+            border: desc.translucent.map(Border::new),
         }
     }
 

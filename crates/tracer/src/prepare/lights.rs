@@ -7,12 +7,12 @@ use crate::geometry::{Surface, TriMesh};
 use crate::light::{AreaLight, AreaShape, Light};
 use crate::math;
 use crate::ray::NONE;
-use ::scene::model::{ColorTex, SceneDesc};
+use ::scene::model::{ColorTex, FloatTex, SceneDesc};
 use glam::{Vec2, Vec3};
 
 /// Lights of the shining surfaces of the world, the light of each of their primitives, and the
 /// surfaces with `first_light` filled in. What shines inside a group, has holes, or is a sphere that
-/// is not round, is found by scattered rays alone.
+/// is not round, is found by scattered rays alone; what cannot be seen at all, by sampling alone.
 pub fn areas(_desc: &SceneDesc, placed: &Placing) -> (Vec<Light>, Vec<u32>, Vec<Surface>) {
     let mut surfaces = placed.surfaces.clone();
     let mut lights = vec![];
@@ -28,7 +28,8 @@ pub fn areas(_desc: &SceneDesc, placed: &Placing) -> (Vec<Light>, Vec<u32>, Vec<
         let run = &prims[i..i + count];
         i += count;
         let surface = &mut surfaces[surface_index];
-        if surface.emission == NONE || surface.alpha.is_some() {
+        let holes = surface.alpha.is_some_and(|a| a != FloatTex::Const(0.0));
+        if surface.emission == NONE || holes {
             continue;
         }
         let emission = &placed.emissions[surface.emission as usize];
@@ -96,6 +97,7 @@ fn quadric(
             lights.push(Light::Area(AreaLight {
                 shape,
                 emission: surface.emission,
+                unseen: surface.alpha.is_some(),
             }));
             lights.len() as u32 - 1
         }
@@ -142,6 +144,7 @@ fn triangles(
             lights.push(Light::Area(AreaLight {
                 shape,
                 emission: surface.emission,
+                unseen: surface.alpha.is_some(),
             }));
             lights.len() as u32 - 1
         } else {

@@ -121,6 +121,7 @@ fn hazy(sampler: SamplerKind) -> SceneDesc {
             scattering: grid,
             emission: None,
         }),
+        translucent: None,
     });
     desc.media.push(Medium {
         name: "haze".into(),
@@ -129,6 +130,7 @@ fn hazy(sampler: SamplerKind) -> SceneDesc {
         emission: [0.0; 3],
         g: 0.0,
         grid: None,
+        translucent: None,
     });
     let (smoke, haze) = (Some(MediumId(0)), Some(MediumId(1)));
     desc.camera.medium = haze;

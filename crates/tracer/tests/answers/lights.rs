@@ -61,6 +61,36 @@ fn distant_light_goes_with_the_cosine() {
     compare("distant, from below", &from_below, |_| 0.0);
 }
 
+/// A shining surface of opacity 0 lights the scene, and nobody sees it.
+#[test]
+fn an_invisible_surface_shines() {
+    for integrator in [
+        Integrator::Direct { max_depth: 2 },
+        Integrator::Path { max_depth: 4 },
+    ] {
+        let picture = |alpha: Option<f32>| {
+            let mut desc = blank(COLUMNS, 4);
+            as_points_below(&mut desc, X, 0.0);
+            desc.integrator = integrator.clone();
+            desc.place(
+                Shape::Rectangle,
+                horizontal([0.0; 3], 10.0, 10.0),
+                diffuse(RHO as f32),
+            );
+            // Faces down, beside what the camera sees.
+            let at = spanned([0.0, 1.0, -3.0], [0.0, 0.0, 0.5], [0.5, 0.0, 0.0]);
+            let lamp = desc.place(Shape::Rectangle, at, diffuse(0.0));
+            lamp.emission = shining(5.0);
+            lamp.reverse_orientation = true;
+            lamp.alpha = alpha.map(FloatTex::Const);
+            render(&desc, 64).moments().mean()
+        };
+        let (seen, unseen) = (picture(None), picture(Some(0.0)));
+        assert!(seen > 1e-3, "{seen}");
+        assert!((unseen / seen - 1.0).abs() < 0.05, "{unseen}, {seen}");
+    }
+}
+
 #[test]
 fn point_light_goes_with_the_inverse_square() {
     for height in [0.3, 1.0, 20.0] {

@@ -2,7 +2,7 @@
 //! ray is in.
 
 use crate::common::*;
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use scene::model::*;
 use std::sync::Arc;
 use testkit::Moments;
@@ -16,6 +16,7 @@ fn medium(desc: &mut SceneDesc, sigma_a: [f32; 3], sigma_s: [f32; 3]) -> MediumI
         emission: [0.0; 3],
         g: 0.0,
         grid: None,
+        translucent: None,
     });
     MediumId(desc.media.len() as u32 - 1)
 }
@@ -249,6 +250,33 @@ fn a_white_cloud_vanishes_under_a_white_sky() {
             }
             assert_eq!(picture.rejected, 0);
         }
+    }
+}
+
+/// Of a translucent body, the walk inside counts as one event: with a single one, nothing is lost. A
+/// light in a single direction, which a smooth border hides from whatever is inside, lights it.
+#[test]
+fn a_walk_inside_a_translucent_body_is_one_event() {
+    for (g, sigma) in [(0.0, [1.0, 3.0, 6.0]), (0.8, [30.0, 10.0, 20.0])] {
+        let mut desc = blank(20, 20);
+        desc.integrator = Integrator::Path { max_depth: 1 };
+        desc.lights.push(sky(1.0));
+        let milk = medium(&mut desc, [0.0; 3], sigma);
+        desc.media[0].g = g;
+        desc.media[0].translucent = Some(1.5);
+        ball(&mut desc, 0.9, glass(), milk);
+        let picture = render(&desc, 256);
+        for c in 0..3 {
+            let what = format!("translucent, g {g}, channel {c}");
+            check(&what, &channel(&picture, c), 1.0);
+        }
+        assert_eq!(picture.rejected, 0);
+        desc.lights = vec![Light::Distant {
+            direction: DVec3::NEG_Z,
+            irradiance: [1.0; 3],
+        }];
+        let lit = channel(&render(&desc, 16), 1).mean();
+        assert!(lit > 0.02, "{lit}");
     }
 }
 

@@ -279,6 +279,7 @@ impl<'j> Gltf<'_, '_, 'j> {
                     emission: [0.0; 3],
                     g: 0.0,
                     grid: None,
+                    translucent: None,
                 });
                 media = Some(MediumInterface {
                     inside: Some(medium),

@@ -26,6 +26,7 @@ impl Reader<'_, '_, '_> {
                 emission: medium.emission.0,
                 g: medium.g,
                 grid,
+                translucent: medium.translucent,
             });
         }
         media

@@ -25,6 +25,10 @@ pub struct Medium {
     /// How it varies in space; the same everywhere without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid: Option<MediumGrid>,
+    /// Of what fills a translucent body with a border of glass: that one's index of refraction. Light
+    /// leaves as from a diffuse surface, and the walk inside counts as one bounce.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub translucent: Option<f32>,
 }
 
 /// How a medium varies: factors on its coefficients, zero outside the bounds.

@@ -153,6 +153,7 @@ fn surfaces_media_and_curves_survive_a_round_trip() {
             scattering: shared.absorption.clone(),
             emission: Some(own),
         }),
+        translucent: Some(1.0 + third),
     });
     desc.primitives[1].media = Some(MediumInterface {
         inside: None,

@@ -46,6 +46,7 @@ impl Writer<'_> {
                     emission: Color(medium.emission),
                     g: medium.g,
                     grid: own,
+                    translucent: medium.translucent,
                 },
             ));
         }
