@@ -11,6 +11,10 @@ const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [0.055_643_4, -0.204_025_9, 1.057_225_2],
 ];
 
+/// The integral over nanometres of the matching function of luminance: what pbrt's film measures of a
+/// spectrum that is 1 everywhere, and of a white light before it is divided by it.
+pub const WHITE_Y: f64 = 106.856_895;
+
 /// Luminance of linear Rec. 709.
 pub fn luminance(rgb: Rgb) -> f32 {
     0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2]

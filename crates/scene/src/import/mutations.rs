@@ -2,6 +2,7 @@
 //! The damage is random but the same in every run.
 
 use super::gltf::tests::everything;
+use super::nanovdb::testing::{Draft, file};
 use crate::assets::MemorySource;
 use crate::{Overrides, load};
 use proptest::prelude::*;
@@ -148,6 +149,20 @@ proptest! {
     fn damaged_glb(edits in edits()) {
         let bytes = damaged(&everything().glb(), &edits);
         survive("m.glb", &MemorySource::new().with("m.glb", bytes).unwrap());
+    }
+
+    #[test]
+    fn damaged_nanovdb(edits in edits(), head in any::<bool>(), kind in prop::sample::select(vec![1u32, 13, 16])) {
+        let draft = Draft { kind, ..Draft::new("density").filled([-3; 3], [6; 3], |p| p[0].abs() as f32) };
+        let bytes = file(&[draft], 0);
+        // Most bytes are empty tables: half of the damage goes to the facts at the front.
+        let split = if head { 1200 } else { bytes.len() };
+        let mut bad = damaged(&bytes[..split], &edits);
+        bad.extend(&bytes[split..]);
+        let scene = "WorldBegin\nLightSource \"infinite\"\nMakeNamedMedium \"m\" \"string type\" \"nanovdb\" \
+            \"string filename\" \"a.nvdb\"\nMediumInterface \"m\" \"\"\nShape \"sphere\"";
+        let files = MemorySource::new().with("s.pbrt", scene).unwrap().with("a.nvdb", bad).unwrap();
+        survive("s.pbrt", &files);
     }
 
     #[test]

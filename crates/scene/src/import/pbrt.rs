@@ -29,6 +29,7 @@ mod tests;
 #[cfg(test)]
 mod tests_v4;
 mod textures;
+mod volume;
 
 use crate::context::{Context, Issue};
 use crate::diagnostic::Place;
@@ -175,6 +176,8 @@ pub(crate) struct Importer<'c, 'a> {
     lights: Vec<Light>,
     /// Notes that are worth making once.
     said: std::collections::BTreeSet<&'static str>,
+    /// Parameters after an `Include`, which belong to the last directive of the included file.
+    trailing: Option<Vec<params::Param>>,
 }
 
 /// Reads a scene. Geometry, pictures and findings end up in the context.
@@ -223,6 +226,7 @@ pub(crate) fn import(main: &str, cx: &mut Context<'_>) -> Result<SceneDesc, Issu
         instances: Vec::new(),
         lights: Vec::new(),
         said: Default::default(),
+        trailing: None,
     };
     importer.file(&place, main, &mut Vec::new())?;
     importer.finish(place)

@@ -179,13 +179,20 @@ impl Importer<'_, '_> {
     }
 
     fn params(&mut self, source: &mut Source<'_, '_>, place: &Place) -> Result<Params, Issue> {
-        Params::read(
+        let mut params = Params::read(
             source.lexer,
             &source.file,
             place.clone(),
             self.graphics.space,
         )
-        .map_err(|e| source.issue(e))
+        .map_err(|e| source.issue(e))?;
+        // A list may begin in an included file and end in the one that includes it.
+        if self.trailing.is_some() && matches!(source.lexer.peek(), Ok(None)) {
+            for param in self.trailing.take().into_iter().flatten() {
+                params.push(param)?;
+            }
+        }
+        Ok(params)
     }
 
     /// A directive that stands before or after `WorldBegin` only.
@@ -602,7 +609,28 @@ impl Importer<'_, '_> {
         let name = source.text(word)?;
         let path = self.cx.path(&place, &name)?;
         if word == "Include" {
-            return self.file(&place, &path, open);
+            let outer = self.trailing.take();
+            let rest = self.params(source, &place)?.into_inner();
+            if rest.is_empty() && matches!(source.lexer.peek(), Ok(None)) {
+                // What follows this file follows the included one.
+                self.trailing = outer;
+                return self.file(&place, &path, open);
+            }
+            self.trailing = (!rest.is_empty()).then_some(rest);
+            let result = self.file(&place, &path, open);
+            let left = std::mem::replace(&mut self.trailing, outer);
+            result?;
+            return match left.as_deref() {
+                Some([first, ..]) => Err(Issue::new(
+                    &first.place,
+                    format!(
+                        "parameter {:?} belongs to no directive: {path} does not end in a list of \
+                         parameters",
+                        first.name
+                    ),
+                )),
+                _ => Ok(()),
+            };
         }
         if !self.only(&place, word, true) {
             return Ok(());

@@ -84,11 +84,16 @@ fn source(text: &str) -> MemorySource {
     };
     let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
         element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 1 0 0 0 1 0 3 0 1 2\n";
+    let draft = |name, value| {
+        crate::import::nanovdb::testing::Draft::new(name).filled([0; 3], [3; 3], |_| value)
+    };
+    let drafts = [draft("density", 1.0), draft("temperature", 900.0)];
     [
         ("square.png", picture(4, 4)),
         ("wide.png", picture(4, 2)),
         ("t.ply", ply.into()),
         ("lens.dat", b"50 5 1.5 20 -50 40 1 20".to_vec()),
+        ("a.nvdb", crate::import::nanovdb::testing::file(&drafts, 0)),
     ]
     .into_iter()
     .fold(MemorySource::new(), |all, (path, bytes)| {

@@ -253,13 +253,22 @@ impl Importer<'_, '_> {
                 if !(0.01..=100.0).contains(&ior) {
                     return params.fail(format!("an index of refraction of {ior}"));
                 }
-                let interior = self.interior(params, ior)?;
+                let (interior, tint) = self.interior(params, ior)?;
                 self.interiors[index] = Some(interior);
+                let transmit_tint = match tint {
+                    None => white,
+                    Some((texture, factor)) => {
+                        let b = crate::model::FloatOrColor::Float(FloatTex::Const(factor));
+                        self.textures
+                            .push(crate::model::Texture::Scale { a: texture, b });
+                        ColorTex::Texture(crate::model::TextureId(self.textures.len() as u32 - 1))
+                    }
+                };
                 BsdfDesc::Dielectric {
                     ior,
                     roughness: self.roughness(params, "")?,
                     reflect_tint: white,
-                    transmit_tint: white,
+                    transmit_tint,
                 }
             }
             "hair" => self.hair(params)?,

@@ -3,6 +3,7 @@
 use super::params::{Kind, Params};
 use super::presets::preset;
 use super::spectra::Role;
+use super::volume::Glowing;
 use super::{Importer, nearest};
 use crate::color;
 use crate::context::Issue;
@@ -17,6 +18,8 @@ pub(super) const MEDIA: [&str; 5] = ["cloud", "homogeneous", "nanovdb", "rgbgrid
 
 /// Cells along an axis that a procedural cloud is tabulated in.
 const CLOUD_CELLS: u32 = if cfg!(any(test, fuzzing)) { 16 } else { 96 };
+/// What a body reflects whose reflectance is a texture, where that is not darker.
+const BRIGHT: f32 = 0.9;
 /// Most cells of a grid along one axis.
 const SIDE_MAX: u32 = 4096;
 
@@ -48,12 +51,7 @@ impl Importer<'_, '_> {
             "uniformgrid" => self.uniform_grid(params, transform)?,
             "rgbgrid" => self.rgb_grid(params, transform)?,
             "cloud" => self.cloud(params, transform)?,
-            "nanovdb" => {
-                return params.fail(
-                    "NanoVDB volumes are not read: resample the grid with OpenVDB's Python module \
-                     (pyopenvdb, copyToArray) and write it as a medium of type \"uniformgrid\"",
-                );
-            }
+            "nanovdb" => self.nanovdb(params, transform)?,
             "heterogeneous" => {
                 return params.fail(
                     "medium type \"heterogeneous\" is of pbrt-v3; pbrt-v4 has \"uniformgrid\"",
@@ -113,7 +111,7 @@ impl Importer<'_, '_> {
     }
 
     /// `sigma_a`, `sigma_s`, `scale` and `g`, as all kinds but "rgbgrid" have them.
-    fn basic(&mut self, params: &Params) -> Result<Medium, Issue> {
+    pub(super) fn basic(&mut self, params: &Params) -> Result<Medium, Issue> {
         let scale = params.float("scale", 1.0)?;
         if scale < 0.0 {
             return params.fail("\"scale\" is negative");
@@ -127,6 +125,7 @@ impl Importer<'_, '_> {
             emission: [0.0; 3],
             g: Self::asymmetry(params)?,
             grid: None,
+            translucent: None,
         })
     }
 
@@ -232,18 +231,24 @@ impl Importer<'_, '_> {
             let old = params.float("temperaturecutoff", 0.0)?;
             let offset = params.float("temperatureoffset", old)?;
             let factor = params.float("temperaturescale", 1.0)?;
-            self.cx.charge(&params.place, cells as u64 * 12)?;
+            self.cx
+                .charge(&params.place, Glowing::bytes(cells as u64))?;
             medium.emission = [1.0; 3];
-            let glow = |(i, t): (usize, &f64)| {
-                let kelvin = (t - offset) * factor;
-                times(color::blackbody_peak_one(kelvin), f64::from(level(i)))
+            let glow = Glowing {
+                size,
+                kelvin: (temperature.numbers().iter())
+                    .map(|t| ((t - offset) * factor) as f32)
+                    .collect(),
+                level: (0..cells).map(level).collect(),
             };
-            let colors = temperature.numbers().iter().enumerate().map(glow).collect();
-            Some(GridValues::Rgb(colors))
+            Some(glow.grid())
         } else {
             params.ignore(&["temperaturecutoff", "temperatureoffset", "temperaturescale"]);
             medium.emission = le.unwrap_or([0.0; 3]);
-            scale.map(GridValues::Scalar)
+            scale.map(|values| Grid {
+                size,
+                values: GridValues::Scalar(values),
+            })
         };
         let density = Arc::new(Grid {
             size,
@@ -254,7 +259,7 @@ impl Importer<'_, '_> {
             bounds,
             absorption: density.clone(),
             scattering: density,
-            emission: emission.map(|values| Arc::new(Grid { size, values })),
+            emission: emission.map(Arc::new),
         });
         Ok(medium)
     }
@@ -306,7 +311,8 @@ impl Importer<'_, '_> {
                 values: GridValues::Scalar(vec![1.0]),
             }),
         };
-        let level = params.float("Lescale", 1.0)?.max(0.0);
+        // Everywhere else pbrt divides a colour that shines by what its white stands for; here it does not.
+        let level = params.float("Lescale", 1.0)?.max(0.0) * color::WHITE_Y;
         Ok(Medium {
             name: String::new(),
             sigma_a: times([1.0; 3], scale),
@@ -320,6 +326,7 @@ impl Importer<'_, '_> {
                 scattering: grid(s),
                 emission: le.map(|le| grid(Some(le))),
             }),
+            translucent: None,
         })
     }
 
@@ -366,8 +373,14 @@ impl Importer<'_, '_> {
         Ok(medium)
     }
 
-    /// What a "subsurface" surface is filled with: pbrt's four ways to say it.
-    pub(super) fn interior(&mut self, params: &Params, ior: f32) -> Result<MediumId, Issue> {
+    /// What a "subsurface" surface is filled with: pbrt's four ways to say it. Where a texture says what
+    /// is reflected, the inside is the same everywhere, and light is tinted where it enters: by the
+    /// texture times the factor.
+    pub(super) fn interior(
+        &mut self,
+        params: &Params,
+        ior: f32,
+    ) -> Result<(MediumId, Option<(ColorTex, f32)>), Issue> {
         let scale = params.float("scale", 1.0)?;
         if scale < 0.0 {
             return params.fail("\"scale\" is negative");
@@ -396,8 +409,9 @@ impl Importer<'_, '_> {
             self.interior_color(params, "sigma_a", Role::Unbounded)?,
             self.interior_color(params, "sigma_s", Role::Unbounded)?,
         );
-        let reflectance = self.interior_color(params, "reflectance", Role::Albedo)?;
+        let reflectance = self.color_tex(params, "reflectance", Role::Albedo)?;
         let mfp = self.interior_color(params, "mfp", Role::Unbounded)?;
+        let mut tint = None;
         let (sigma_a, sigma_s) = match (named, a, s, reflectance) {
             (Some((a, s)), ..) => (times(a, scale), times(s, scale)),
             (None, Some(a), Some(s), _) => (times(a, scale), times(s, scale)),
@@ -408,6 +422,13 @@ impl Importer<'_, '_> {
                 return params.fail("\"sigma_s\" needs \"sigma_a\" beside it");
             }
             (None, None, None, Some(reflectance)) => {
+                let reflectance = match reflectance {
+                    ColorTex::Const(color) => color,
+                    texture => {
+                        tint = Some((texture, 1.0 / BRIGHT));
+                        [BRIGHT; 3]
+                    }
+                };
                 // The free path is scaled, not the coefficients.
                 let path = times(mfp.unwrap_or([1.0; 3]), scale);
                 if path.iter().any(|&p| p <= 0.0) {
@@ -438,8 +459,9 @@ impl Importer<'_, '_> {
             emission: [0.0; 3],
             g,
             grid: None,
+            translucent: Some(ior),
         });
-        Ok(id)
+        Ok((id, tint))
     }
 
     /// A colour that pbrt looks up on the surface; a medium is the same everywhere inside.

@@ -213,6 +213,14 @@ impl Params {
             ..p.clone()
         }));
     }
+    /// Adds one that stands elsewhere.
+    pub fn push(&mut self, param: Param) -> Result<(), Issue> {
+        if self.params.iter().any(|p| p.name == param.name) {
+            return param.fail("is given twice");
+        }
+        self.params.push(param);
+        Ok(())
+    }
     /// Memory of what is kept until the end of the file.
     pub fn bytes(&self) -> u64 {
         let values = |p: &Param| match &p.values {

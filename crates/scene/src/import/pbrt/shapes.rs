@@ -251,13 +251,8 @@ impl Importer<'_, '_> {
         }
         let normals = self.per_vertex::<3>(params, &["N"], Kind::Normal, count)?;
         let uvs = self.per_vertex::<2>(params, &["uv"], Kind::Point2, count)?;
-        params.ignore(&["faceIndices"]);
-        if params.find("emissionfilename", &[Kind::String])?.is_some() {
-            self.cx.warn(
-                &params.place,
-                "\"emissionfilename\" is not supported: left out",
-            );
-        }
+        // The picture only tells pbrt where to look for light; what shines is the light's own picture.
+        params.ignore(&["faceIndices", "emissionfilename"]);
         self.cx.charge(&params.place, patches.len() as u64 * 1024)?;
         let (mesh, bent) = tessellate::bilinear(patches, &positions, &normals, &uvs);
         self.cx.release(patches.len() as u64 * 1024);

@@ -2,6 +2,7 @@
 //! about them and what comes out.
 
 use crate::assets::MemorySource;
+use crate::import::nanovdb::testing::{Draft, file};
 use crate::model::*;
 use crate::{Overrides, load};
 use glam::DVec3;
@@ -17,6 +18,27 @@ fn picture(width: u32, height: u32, alpha: bool) -> Vec<u8> {
     out.into_inner()
 }
 
+/// A density that rises with x, and temperatures on a finer grid turned about z.
+fn fire() -> Vec<u8> {
+    let density = Draft {
+        map: [2.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 2.0, 10.0, 0.0, 0.0],
+        ..Draft::new("density").filled([-1, 0, 0], [2, 1, 1], |p| (p[0] + 2) as f32)
+    };
+    let heat = Draft {
+        map: [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+        ..Draft::new("temperature").filled([-8, -30, -8], [12, -1, 12], |p| -p[1] as f32)
+    };
+    let surface = Draft {
+        class: 1,
+        ..density.clone()
+    };
+    let surface = Draft {
+        name: "surface",
+        ..surface
+    };
+    file(&[density, heat, surface], 1)
+}
+
 fn source(text: &str) -> MemorySource {
     let with = |all: MemorySource, (path, bytes): (&str, Vec<u8>)| all.with(path, bytes).unwrap();
     [
@@ -24,6 +46,11 @@ fn source(text: &str) -> MemorySource {
         ("square.png", picture(4, 4, false)),
         ("alpha.png", picture(4, 4, true)),
         ("lens.dat", b"# f\n50 5 1.5 20\n-50 40 1 20\n".to_vec()),
+        ("fire.nvdb", fire()),
+        (
+            "smoke.pbrt",
+            b"MakeNamedMedium \"m\" \"string type\" \"uniformgrid\" \"float density\" 1".to_vec(),
+        ),
     ]
     .into_iter()
     .fold(MemorySource::new(), with)
@@ -122,7 +149,9 @@ fn media_are_read_and_placed() {
     );
     // What is not given scatters with 1 everywhere.
     assert_eq!(grid.scattering.values, GridValues::Scalar(vec![1.0]));
-    assert_eq!((smoke.sigma_s, smoke.emission), ([1.0; 3], [3.0; 3]));
+    // Its emission is not divided by what white stands for.
+    let shine = 3.0 * crate::color::WHITE_Y as f32;
+    assert_eq!((smoke.sigma_s, smoke.emission), ([1.0; 3], [shine; 3]));
     assert_eq!(named("later").1.g, 0.25);
     let media: Vec<_> = desc.primitives.iter().map(|p| p.media).collect();
     let sides = |inside, outside| Some(MediumInterface { inside, outside });
@@ -155,12 +184,18 @@ fn glowing_and_procedural_media() {
             .as_ref()
             .unwrap()
     };
-    match &emission(0).values {
-        GridValues::Rgb(colors) => {
-            assert_eq!(colors[0], crate::color::blackbody_peak_one(500.0));
-            assert_eq!(colors[1], crate::color::blackbody_peak_one(6000.0));
-        }
-        other => panic!("{other:?}"),
+    // Temperatures are interpolated before they become colours: in cells of a quarter of the side.
+    assert_eq!(emission(0).size, [8, 4, 4]);
+    let GridValues::Rgb(colors) = &emission(0).values else {
+        panic!("temperatures without colours");
+    };
+    for (cell, kelvin) in [(0, 500.0), (3, 2562.5), (4, 3937.5), (7, 6000.0)] {
+        let expected = crate::color::blackbody_peak_one(kelvin);
+        assert!(
+            near(&colors[cell], &expected),
+            "{:?} {expected:?}",
+            colors[cell]
+        );
     }
     assert_eq!(emission(1).values, GridValues::Scalar(vec![0.0, 5.0]));
     assert_eq!(desc.media[1].emission, [1.0, 2.0, 3.0]);
@@ -180,6 +215,81 @@ fn glowing_and_procedural_media() {
 }
 
 #[test]
+fn volumes_become_grids() {
+    let medium = |rest: &str| {
+        let text = format!(
+            "Translate 0 5 0 MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"fire.nvdb\"
+             \"rgb sigma_s\" [4 4 4] \"float scale\" 2 \"float g\" 0.5 {rest} Shape \"sphere\""
+        );
+        world(&text).media[0].clone()
+    };
+    let cold = medium("\"float Lescale\" 0");
+    assert_eq!(
+        (cold.sigma_a, cold.sigma_s, cold.g),
+        ([2.0; 3], [8.0; 3], 0.5)
+    );
+    let grid = cold.grid.as_ref().unwrap();
+    // Voxels lie at whole indices, and the density falls off beyond the last ones.
+    assert_eq!(grid.absorption.size, [5, 3, 3]);
+    assert_eq!(grid.bounds, [[-1.5, -0.5, -0.5], [3.5, 2.5, 2.5]]);
+    let first = grid.transform.transform_point3(DVec3::new(-1.0, 0.0, 0.0));
+    assert_eq!(first, DVec3::new(8.0, 5.0, 0.0));
+    let GridValues::Scalar(values) = &grid.absorption.values else {
+        panic!("a density of colours");
+    };
+    assert_eq!(
+        values[..10],
+        [1.0, 2.0, 3.0, 4.0, 0.0, 1.0, 2.0, 3.0, 4.0, 0.0]
+    );
+    assert!(std::sync::Arc::ptr_eq(&grid.absorption, &grid.scattering));
+    assert_eq!((cold.emission, &grid.emission), ([0.0; 3], &None));
+    // The temperature is the first coordinate in the space of the medium.
+    let hot =
+        medium("\"float Lescale\" 3 \"float temperaturescale\" 200 \"float temperatureoffset\" 2");
+    assert_eq!(hot.emission, [3.0; 3]);
+    let shine = hot.grid.as_ref().unwrap().emission.as_ref().unwrap();
+    assert_eq!(shine.size, [20, 12, 12]);
+    let GridValues::Rgb(colors) = &shine.values else {
+        panic!("no colours");
+    };
+    // The second voxel lies at 10: a half to each side of it is 9.25, 9.75 and so on.
+    for (cell, x) in [(4, 9.25), (5, 9.75), (6, 10.25), (7, 10.75)] {
+        let expected = crate::color::blackbody_peak_one((x - 2.0) * 200.0);
+        let found = colors[(6 * 12 + 2) * 20 + cell];
+        assert!(near(&found, &expected), "{cell}: {found:?} {expected:?}");
+    }
+    let (_, warnings) = read(
+        "WorldBegin LightSource \"infinite\" MakeNamedMedium \"m\" \"string type\" \"nanovdb\"
+         \"string filename\" \"fire.nvdb\" \"string temperaturename\" \"heat\" Shape \"sphere\"",
+    );
+    assert!(warnings[0].contains("no grid \"heat\""), "{warnings:?}");
+    let missing =
+        "WorldBegin LightSource \"infinite\" MakeNamedMedium \"m\" \"string type\" \"nanovdb\"
+         \"string filename\" \"gone.nvdb\" Shape \"sphere\"";
+    let overrides = Overrides {
+        allow_missing: true,
+        ..Overrides::default()
+    };
+    let (desc, found) = load("s.pbrt", &source(missing), &overrides).unwrap();
+    assert!(desc.media[0].grid.is_none() && found[0].to_string().contains("stands in"));
+}
+
+/// A list of parameters that begins in an included file goes on in the one that includes it.
+#[test]
+fn a_list_may_go_on_after_an_include() {
+    let desc = world(
+        "Include \"smoke.pbrt\"\n\"rgb sigma_a\" [1 2 3] \"float g\" 0.5\nShape \"sphere\"
+        AttributeBegin Translate 1 0 0 AttributeEnd",
+    );
+    let medium = &desc.media[0];
+    assert_eq!((medium.sigma_a, medium.g), ([1.0, 2.0, 3.0], 0.5));
+    refused(
+        "Include \"smoke.pbrt\" \"float density\" 2",
+        "\"density\" is given twice",
+    );
+}
+
+#[test]
 fn broken_media_are_refused() {
     let medium = |rest: &str| format!("MakeNamedMedium \"m\" {rest}");
     for (text, expect) in [
@@ -194,7 +304,24 @@ fn broken_media_are_refused() {
         ),
         (
             medium("\"string type\" \"nanovdb\" \"string filename\" \"a.nvdb\""),
-            "pyopenvdb",
+            "a.nvdb: no such file",
+        ),
+        (medium("\"string type\" \"nanovdb\""), "needs \"filename\""),
+        (
+            medium("\"string type\" \"nanovdb\" \"string filename\" \"wide.png\""),
+            "wide.png: error: not a NanoVDB file (used at s.pbrt:3)",
+        ),
+        (
+            medium(
+                "\"string type\" \"nanovdb\" \"string filename\" \"fire.nvdb\" \"string gridname\" \"dust\"",
+            ),
+            "no grid \"dust\"; the file has [\"density\", \"temperature\", \"surface\"]",
+        ),
+        (
+            medium(
+                "\"string type\" \"nanovdb\" \"string filename\" \"fire.nvdb\" \"string gridname\" \"surface\"",
+            ),
+            "not declared as a fog volume",
         ),
         (
             medium("\"string type\" \"homogeneous\" \"float g\" 1"),
