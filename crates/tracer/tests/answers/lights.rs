@@ -71,7 +71,7 @@ fn an_invisible_surface_shines() {
         let picture = |alpha: Option<f32>| {
             let mut desc = blank(COLUMNS, 4);
             as_points_below(&mut desc, X, 0.0);
-            desc.integrator = integrator.clone();
+            desc.integrator = integrator;
             desc.place(
                 Shape::Rectangle,
                 horizontal([0.0; 3], 10.0, 10.0),
