@@ -29,6 +29,58 @@ fn encoded(picture: &DynamicImage, format: ImageFormat) -> Vec<u8> {
     out.into_inner()
 }
 
+/// Three by two blocks of UASTC with alpha, each of one colour.
+fn ktx2() -> Vec<u8> {
+    let mut out = scene::picture::KTX2.to_vec();
+    let words = [
+        // Format, type size, width, height, depth, layers, faces, levels, packing.
+        0u32,
+        1,
+        9,
+        7,
+        0,
+        0,
+        1,
+        1,
+        0,
+        // The descriptor, key-value data, global data.
+        104,
+        44,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        // The level: where, how long, unpacked.
+        160,
+        0,
+        96,
+        0,
+        96,
+        0,
+        // The descriptor and 12 bytes of nothing up to the level.
+        44,
+        0,
+        0x0028_0002,
+        0x0001_01a6,
+        0x0303,
+        16,
+        0,
+        0x037f_0000,
+        0,
+        0,
+        u32::MAX,
+    ];
+    out.extend(words.iter().flat_map(|w| w.to_le_bytes()));
+    out.extend([0; 12]);
+    for block in 0..6u8 {
+        let colour = u32::from_le_bytes([block * 40, 50, 77, 255]);
+        out.extend((0x17 | (u128::from(colour) << 5)).to_le_bytes());
+    }
+    out
+}
+
 fn pictures() {
     let color = image::RgbaImage::from_fn(9, 7, |x, y| {
         image::Rgba([x as u8 * 28, y as u8 * 36, 90, 255 - x as u8 * 9])
@@ -57,12 +109,15 @@ fn pictures() {
         ("rgba.webp", encoded(&color, ImageFormat::WebP)),
         ("rgb.hdr", encoded(&floats, ImageFormat::Hdr)),
         ("rgb.exr", encoded(&floats, ImageFormat::OpenExr)),
+        ("rgb.bmp", encoded(&rgb, ImageFormat::Bmp)),
+        ("uastc.ktx2", ktx2()),
         ("rgb.pfm", pfm),
         ("grey.pfm", grey_pfm),
     ];
     for (name, bytes) in &all {
         save("picture", name, bytes);
-        if !name.ends_with(".jpg") && !name.ends_with(".tga") && !name.ends_with(".webp") {
+        let not_compared = [".jpg", ".tga", ".webp", ".bmp", ".ktx2"];
+        if !not_compared.iter().any(|ending| name.ends_with(ending)) {
             save("compared", name, bytes);
         }
     }

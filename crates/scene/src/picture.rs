@@ -44,6 +44,7 @@ pub(crate) fn ending(bytes: &[u8]) -> &'static str {
         Ok(Format::Png) => "png",
         Ok(Format::Jpeg) => "jpg",
         Ok(Format::WebP) => "webp",
+        Ok(Format::Bmp) => "bmp",
         Ok(Format::Hdr) => "hdr",
         Ok(Format::OpenExr) => "exr",
         _ => "tga",
@@ -96,6 +97,7 @@ fn header(path: &str, bytes: &[u8]) -> Result<PictureInfo, String> {
         Ok(Format::WebP) => {
             describe(image::codecs::webp::WebPDecoder::new(cursor()).map_err(fail)?)
         }
+        Ok(Format::Bmp) => describe(image::codecs::bmp::BmpDecoder::new(cursor()).map_err(fail)?),
         Ok(Format::Hdr) => describe(image::codecs::hdr::HdrDecoder::new(cursor()).map_err(fail)?),
         Ok(Format::OpenExr) => exr(cursor()),
         _ if ending == "tga" => {
@@ -104,9 +106,9 @@ fn header(path: &str, bytes: &[u8]) -> Result<PictureInfo, String> {
         Ok(other) => Err(format!(
             "a picture of a kind that is not supported ({other:?})"
         )),
-        Err(_) => {
-            Err("not a picture of a known kind (png, jpg, tga, webp, ktx2, hdr, exr, pfm)".into())
-        }
+        Err(_) => Err(
+            "not a picture of a known kind (png, jpg, tga, webp, bmp, ktx2, hdr, exr, pfm)".into(),
+        ),
     }
 }
 

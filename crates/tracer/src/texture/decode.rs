@@ -1,4 +1,4 @@
-//! From the bytes of a file to pixels: png, jpg, tga, webp, hdr, exr by the crate `image`, ktx2 (Basis
+//! From the bytes of a file to pixels: png, jpg, tga, webp, bmp, hdr, exr by the crate `image`, ktx2 (Basis
 //! Universal) by `basisu`, pfm here.
 
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
@@ -8,11 +8,12 @@ const SIDE_MAX: u32 = 65_536;
 /// Most bytes that decoding one picture may take.
 const DECODE_BYTES_MAX: u64 = 2 << 30;
 /// Kinds that are read.
-const FORMATS: [ImageFormat; 6] = [
+const FORMATS: [ImageFormat; 7] = [
     ImageFormat::Png,
     ImageFormat::Jpeg,
     ImageFormat::Tga,
     ImageFormat::WebP,
+    ImageFormat::Bmp,
     ImageFormat::Hdr,
     ImageFormat::OpenExr,
 ];
@@ -73,7 +74,8 @@ pub(super) fn decode(path: &str, bytes: &[u8]) -> Result<Raw, String> {
         }
         Err(_) => {
             return Err(
-                "not a picture of a known kind (png, jpg, tga, webp, ktx2, hdr, exr, pfm)".into(),
+                "not a picture of a known kind (png, jpg, tga, webp, bmp, ktx2, hdr, exr, pfm)"
+                    .into(),
             );
         }
     };
