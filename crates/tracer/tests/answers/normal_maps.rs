@@ -118,8 +118,10 @@ fn diffuse_light_fades_as_a_map_leans() {
         let picture = render(&desc, 1024);
         let mean = picture.rgb.iter().map(|c| c[1]).sum::<f64>() / picture.rgb.len() as f64;
         let bound = f64::from(1.0 + cos) * 0.5;
+        // Beyond the horizon the turned facets cut more.
+        let least = if degrees < 90.0 { 0.7 } else { 0.3 } * bound;
         assert!(
-            mean < bound + 0.01 && mean > 0.3 * bound && mean < before,
+            mean < bound + 0.01 && mean > least && mean < before,
             "{degrees} degrees: {mean}, at most {bound}, before {before}"
         );
         before = mean;
