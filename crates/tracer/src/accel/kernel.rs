@@ -134,6 +134,24 @@ pub fn occluded<S: Simd>(geometry: &Geometry, ray: &Ray) -> bool {
     walk::<S, true>(&Walk::world(geometry, ray), &mut hit)
 }
 
+/// [`closest`] for many rays.
+#[inline(always)]
+pub fn closest_many<S: Simd>(geometry: &Geometry, rays: &[Ray], hits: &mut [Hit]) {
+    for (ray, hit) in rays.iter().zip(hits) {
+        *hit = Hit::none(ray.t_max);
+        walk::<S, false>(&Walk::world(geometry, ray), hit);
+    }
+}
+
+/// [`occluded`] for many rays.
+#[inline(always)]
+pub fn occluded_many<S: Simd>(geometry: &Geometry, rays: &[Ray], blocked: &mut [bool]) {
+    for (ray, blocked) in rays.iter().zip(blocked) {
+        let mut hit = Hit::none(ray.t_max);
+        *blocked = walk::<S, true>(&Walk::world(geometry, ray), &mut hit);
+    }
+}
+
 /// [`closest`] within a group.
 #[inline(always)]
 pub fn closest_in_group<S: Simd>(group: &Walk, hit: &mut Hit) -> bool {

@@ -61,6 +61,18 @@ impl Geometry {
         simd::occluded(self.level, self, ray)
     }
 
+    /// [`Geometry::closest`] for each of many rays, into as many hits.
+    #[inline]
+    pub fn closest_many(&self, rays: &[Ray], hits: &mut [Hit]) {
+        simd::closest_many(self.level, self, rays, hits);
+    }
+
+    /// [`Geometry::occluded`] for each of many rays.
+    #[inline]
+    pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
+        simd::occluded_many(self.level, self, rays, blocked);
+    }
+
     /// The tree that a hit's primitive belongs to.
     #[inline]
     pub fn tree(&self, instance: u32) -> &Tree {

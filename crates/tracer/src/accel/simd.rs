@@ -482,6 +482,14 @@ entry! {
     closest, kernel::closest, (geometry: &super::Geometry, ray: &crate::ray::Ray, hit: &mut crate::ray::Hit) -> ()
 }
 entry! {
+    /// Closest hits; see [`kernel::closest_many`].
+    closest_many, kernel::closest_many, (geometry: &super::Geometry, rays: &[crate::ray::Ray], hits: &mut [crate::ray::Hit]) -> ()
+}
+entry! {
+    /// Any hits; see [`kernel::occluded_many`].
+    occluded_many, kernel::occluded_many, (geometry: &super::Geometry, rays: &[crate::ray::Ray], blocked: &mut [bool]) -> ()
+}
+entry! {
     /// Closest hit in a group; see [`kernel::closest_in_group`].
     closest_in_group, kernel::closest_in_group, (group: &kernel::Walk, hit: &mut crate::ray::Hit) -> bool
 }
