@@ -1,6 +1,7 @@
 //! The exact sums of one unit.
 
 use crate::fixed::{self, Square};
+use crate::run::Run;
 use crate::unit::{SampleRange, Tile};
 
 /// What one camera sample brings.
@@ -50,6 +51,23 @@ pub struct PixelSums {
     pub hits: u32,
 }
 
+impl PixelSums {
+    /// Adds the sums of other samples.
+    #[inline]
+    pub(crate) fn add_assign(&mut self, other: &PixelSums) {
+        for c in 0..3 {
+            self.beauty[c] += other.beauty[c];
+            self.square[c] += other.square[c];
+            self.albedo[c] += other.albedo[c];
+            self.normal[c] += other.normal[c];
+        }
+        self.half += other.half;
+        self.alpha += other.alpha;
+        self.depth += other.depth;
+        self.hits += other.hits;
+    }
+}
+
 /// Luminance of linear Rec. 709, in the fixed-point steps of the channels. The weights are integers
 /// over 2^16 that add to 2^16, so that the luminance of a sum is the sum of the luminances up to one
 /// rounding for each sample.
@@ -60,7 +78,7 @@ pub fn luminance_fixed(rgb: [i128; 3]) -> i128 {
 
 /// [`luminance_fixed`] of magnitudes below 2^46.
 #[inline(always)]
-fn luminance_small(rgb: [i64; 3]) -> i64 {
+pub(crate) fn luminance_small(rgb: [i64; 3]) -> i64 {
     (rgb[0] * 13_933 + rgb[1] * 46_871 + rgb[2] * 4_732) >> 16
 }
 
@@ -190,6 +208,17 @@ impl SampleBuffer {
             sums.hits += 1;
         }
         Ok(())
+    }
+
+    /// [`SampleBuffer::add`] for samples `begin`, `begin + 1`, ... of one pixel; how many were rejected.
+    pub fn add_run(&mut self, x: u32, y: u32, begin: u32, count: usize, run: &Run) -> u64 {
+        let Some(sums) = run.sums(begin, count) else {
+            return (0..count)
+                .filter(|i| self.add(x, y, begin + *i as u32, &run.sample(*i)).is_err())
+                .count() as u64;
+        };
+        self.pixels[(y * self.tile.width + x) as usize].add_assign(&sums);
+        0
     }
 }
 

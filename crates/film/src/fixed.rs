@@ -35,6 +35,12 @@ pub fn to_fixed(value: f32) -> i128 {
     }
 }
 
+/// [`to_fixed`] of a magnitude below 2^11.
+#[inline(always)]
+pub(crate) fn to_fixed_small(value: f32) -> i64 {
+    round_small(value as f64 * (1u64 << VALUE_BITS) as f64)
+}
+
 /// Rounds a magnitude below 2^51 to the nearest integer, ties to even.
 #[inline(always)]
 fn round_small(x: f64) -> i64 {
@@ -102,6 +108,13 @@ impl Square {
                 fraction: 0,
             }
         }
+    }
+
+    /// [`Square::of`] of a magnitude below 2^11, in steps of 2^-64.
+    #[inline(always)]
+    pub(crate) fn of_small(value: f32) -> u128 {
+        let square = Square::of(value);
+        square.whole << 64 | square.fraction as u128
     }
 
     /// As a number.

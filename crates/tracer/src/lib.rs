@@ -9,6 +9,7 @@ pub mod camera;
 pub mod geometry;
 mod hash;
 pub mod integrator;
+mod lanes;
 pub mod light;
 pub mod material;
 pub mod math;

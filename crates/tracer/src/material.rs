@@ -213,6 +213,8 @@ pub struct Shading<'s> {
     unmapped: Option<Vec3>,
     /// Of glass whose shading normal is not the geometric one: that one, in the frame.
     real: Option<Vec3>,
+    /// See [`Shading::is_plain`].
+    plain: bool,
 }
 
 impl<'s> Shading<'s> {
@@ -228,6 +230,12 @@ impl<'s> Shading<'s> {
 }
 
 impl Shading<'_> {
+    /// Whether the frame is any frame about the surface's own normal, and nothing is corrected.
+    #[inline]
+    pub(crate) fn is_plain(&self) -> bool {
+        self.plain
+    }
+
     /// What lights are chosen for, with `wo` in the frame.
     #[inline]
     pub fn aim(&self, wo: Vec3) -> Aim {
@@ -378,6 +386,7 @@ impl Materials {
                 frame: Frame::from_normal(it.ns),
                 unmapped: None,
                 real: None,
+                plain: true,
             });
         }
         material = self.resolve(textures, it, u);
@@ -413,6 +422,7 @@ impl Materials {
             frame,
             unmapped: mapped.then(|| frame.to_local(it.ns)),
             real: glass.then(|| frame.to_local(it.ng)),
+            plain: !(material.needs_tangents || glass),
         })
     }
 
@@ -465,6 +475,12 @@ impl Materials {
 }
 
 impl Material {
+    /// The scattering function, where it takes nothing but the shading normal.
+    pub(crate) fn plain_bsdf(&self) -> Option<&Bsdf<'static>> {
+        let asks = self.needs_tangents || self.needs_coordinates || self.needs_footprint;
+        self.constant.as_ref().filter(|_| !asks && !self.refracts)
+    }
+
     /// The scattering function of a material that is no mix. `base` is the normal that maps give, before
     /// the frame was turned for the view.
     fn bsdf<'s>(

@@ -103,13 +103,17 @@ pub fn sin_cos_2pi(u: f32) -> (f32, f32) {
     (sin, cos)
 }
 
+/// Coefficients of sin x = x + x^3 (..) for [`sin_cos_small`], in x^2.
+pub(crate) const SIN: [f32; 3] = [-0.166_666_64, 0.008_332_748, -0.000_195_878_9];
+/// Coefficients of cos x = 1 - x^2 / 2 + x^4 (..).
+pub(crate) const COS: [f32; 3] = [0.041_666_664, -0.001_388_830_3, 0.000_024_547_942];
+
 /// Sine and cosine of x in [-pi/4, pi/4], error below 1.2e-7.
 #[inline]
 pub fn sin_cos_small(x: f32) -> (f32, f32) {
     let z = x * x;
-    let s = x + x * z * (-0.166_666_64 + z * (0.008_332_748 + z * -0.000_195_878_9));
-    let c =
-        (1.0 - 0.5 * z) + z * z * (0.041_666_664 + z * (-0.001_388_830_3 + z * 0.000_024_547_942));
+    let s = x + x * z * (SIN[0] + z * (SIN[1] + z * SIN[2]));
+    let c = (1.0 - 0.5 * z) + z * z * (COS[0] + z * (COS[1] + z * COS[2]));
     (s, c)
 }
 

@@ -3,7 +3,8 @@
 use glam::Vec3;
 
 /// A ray: points `origin + t direction` for 0 < t < `t_max`, at one moment.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Ray {
     /// Start.
     pub origin: Vec3,

@@ -1,13 +1,16 @@
 //! One unit of work: the one entry point for workers.
 
 use crate::StopFlag;
+use crate::integrator::stream::{PixelOf, Stream};
 use crate::integrator::{debug, direct, path, volpath, whitted};
 use crate::math::Rgb;
-use crate::sampler::{PixelPoints, Sampler};
+use crate::ray::Ray;
+use crate::sampler::Sampler;
 use crate::scene::Scene;
 use ::scene::model::Integrator;
-use film::{Counters, LayerSample, SampleBuffer, Unit};
+use film::{Counters, LayerSample, SampleBuffer, SampleRange, Tile, Unit};
 use glam::Vec2;
+use std::ops::Range;
 
 /// Renders one unit on the calling thread; `None` if it was stopped.
 ///
@@ -18,37 +21,133 @@ pub fn render_unit(
     unit: &Unit,
     stop: &StopFlag,
 ) -> Option<(SampleBuffer, Counters)> {
-    let tile = scene.grid.tile(unit.tile);
-    let mut buffer = SampleBuffer::new(tile, unit.samples);
+    match scene.integrator {
+        Integrator::Path { max_depth } if !scene.has_media => {
+            render_stream(scene, unit, max_depth, stop)
+        }
+        _ => render_singly(scene, unit, stop),
+    }
+}
+
+/// [`render_unit`] with many paths side by side.
+fn render_stream(
+    scene: &Scene,
+    unit: &Unit,
+    max_depth: u32,
+    stop: &StopFlag,
+) -> Option<(SampleBuffer, Counters)> {
+    let mut buffer = SampleBuffer::new(scene.grid.tile(unit.tile), unit.samples);
     let mut counters = Counters::default();
     let mut scene = scene.view();
-    for y in 0..tile.height {
-        for x in 0..tile.width {
-            if stop.is_stopped() {
-                return None;
-            }
-            // A pixel of a crop is named by its place in the whole picture, so that both are the same.
-            let pixel = [
-                tile.x + x + scene.crop_origin[0],
-                tile.y + y + scene.crop_origin[1],
-            ];
-            let mut points = PixelPoints::new(scene.sampler, scene.seed, scene.frame, pixel);
-            for index in unit.samples.begin..unit.samples.end {
-                // A sample may be long: look again within a pixel, but not for every sample.
-                if index & 63 == 63 && stop.is_stopped() {
-                    return None;
-                }
-                scene.textures.refresh();
-                let mut sampler = Sampler::start(&mut points, index);
-                let sample = render_sample(&scene, pixel, &mut sampler, &mut counters);
-                counters.samples += 1;
-                if buffer.add(x, y, index, &sample).is_err() {
-                    counters.rejected += 1;
-                }
+    let mut samples = SamplesOf::new(&scene, unit);
+    let mut stream = Stream::new();
+    while stream.fill(&scene, &mut samples) {
+        scene.textures.refresh();
+        stream.trace(&scene, max_depth, &mut counters, stop)?;
+        stream.add_to(&scene, &mut buffer, &mut counters);
+    }
+    Some((buffer, counters))
+}
+
+/// [`render_unit`] one sample after another: whatever is not done in streams, and the reference for
+/// what is.
+pub fn render_singly(
+    scene: &Scene,
+    unit: &Unit,
+    stop: &StopFlag,
+) -> Option<(SampleBuffer, Counters)> {
+    let mut buffer = SampleBuffer::new(scene.grid.tile(unit.tile), unit.samples);
+    let mut counters = Counters::default();
+    let mut scene = scene.view();
+    let mut samples = SamplesOf::new(&scene, unit);
+    // A sample may be long: look for the end within a pixel too, but not for every sample.
+    while let Some(run) = samples.next(64) {
+        if stop.is_stopped() {
+            return None;
+        }
+        let [x, y] = run.pixel.place;
+        let mut points = scene.points(run.pixel.whole);
+        for index in run.samples {
+            scene.textures.refresh();
+            let mut sampler = Sampler::start(&mut points, index);
+            let value = render_sample(&scene, run.pixel.whole, &mut sampler, &mut counters);
+            counters.samples += 1;
+            if buffer.add(x, y, index, &value).is_err() {
+                counters.rejected += 1;
             }
         }
     }
     Some((buffer, counters))
+}
+
+/// Some samples of a pixel, one after another.
+pub(crate) struct RunOf {
+    pub pixel: PixelOf,
+    /// Their indices.
+    pub samples: Range<u32>,
+}
+
+/// The samples of a unit, pixel by pixel.
+pub(crate) struct SamplesOf {
+    tile: Tile,
+    /// Where the tile lies in the whole picture: a pixel of a crop is named by its place there, so that both
+    /// are the same.
+    origin: [u32; 2],
+    samples: SampleRange,
+    next_place: [u32; 2],
+    next_index: u32,
+}
+
+impl SamplesOf {
+    fn new(scene: &Scene, unit: &Unit) -> SamplesOf {
+        let tile = scene.grid.tile(unit.tile);
+        SamplesOf {
+            tile,
+            origin: [tile.x + scene.crop_origin[0], tile.y + scene.crop_origin[1]],
+            samples: unit.samples,
+            next_place: [0, 0],
+            next_index: unit.samples.begin,
+        }
+    }
+
+    /// Samples of one pixel, as many as are left there but at most so many.
+    pub(crate) fn next(&mut self, most: usize) -> Option<RunOf> {
+        let [x, y] = self.next_place;
+        if y >= self.tile.height || x >= self.tile.width || self.next_index >= self.samples.end {
+            return None;
+        }
+        let left = self.samples.end - self.next_index;
+        let end = self.next_index + left.min(u32::try_from(most).unwrap_or(u32::MAX));
+        let run = RunOf {
+            pixel: PixelOf {
+                place: [x, y],
+                whole: [self.origin[0] + x, self.origin[1] + y],
+            },
+            samples: self.next_index..end,
+        };
+        self.next_index = end;
+        if end == self.samples.end {
+            self.next_index = self.samples.begin;
+            self.next_place = if x + 1 < self.tile.width {
+                [x + 1, y]
+            } else {
+                [0, y + 1]
+            };
+        }
+        Some(run)
+    }
+}
+
+/// The camera's ray for a sample of a pixel of the whole picture, and the filter's weight.
+#[inline]
+pub(crate) fn camera_ray(scene: &Scene, pixel: [u32; 2], sampler: &mut Sampler) -> (Ray, f32) {
+    let center = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
+    let size = Vec2::new(scene.full_size[0] as f32, scene.full_size[1] as f32);
+    let (on_film, lens, moment) = sampler.camera(scene.geometry.level);
+    let (offset, weight) = scene.filter.sample(on_film);
+    let time = scene.camera.time(moment);
+    let ray = scene.camera.ray((center + offset) / size, Some(lens), time);
+    (ray, weight)
 }
 
 /// One sample of one pixel of the whole picture.
@@ -59,18 +158,15 @@ fn render_sample(
     sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
-    let center = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
-    let size = Vec2::new(scene.full_size[0] as f32, scene.full_size[1] as f32);
     if let Integrator::Whitted { max_depth } = scene.integrator {
+        let center = Vec2::new(pixel[0] as f32 + 0.5, pixel[1] as f32 + 0.5);
+        let size = Vec2::new(scene.full_size[0] as f32, scene.full_size[1] as f32);
         let ray = scene
             .camera
             .ray(center / size, None, scene.camera.shutter.0);
         return finish(scene, whitted::sample(scene, ray, max_depth, counters), 1.0);
     }
-    let (on_film, lens, moment) = sampler.camera(scene.geometry.level);
-    let (offset, weight) = scene.filter.sample(on_film);
-    let time = scene.camera.time(moment);
-    let ray = scene.camera.ray((center + offset) / size, Some(lens), time);
+    let (ray, weight) = camera_ray(scene, pixel, sampler);
     match &scene.integrator {
         Integrator::Path { max_depth } if scene.has_media => {
             let limits = volpath::Limits {

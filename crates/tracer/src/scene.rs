@@ -5,11 +5,13 @@ use crate::camera::filter::FilterSampler;
 use crate::camera::{Camera, PixelView};
 use crate::geometry::Interaction;
 use crate::geometry::interaction::Needs;
+use crate::integrator::stream::Tables;
 use crate::light::{Light, Lights};
 use crate::material::Materials;
 use crate::math::Rgb;
 use crate::medium::Media;
 use crate::ray::{Hit, NONE, Ray};
+use crate::sampler::PixelPoints;
 use crate::texture::Textures;
 use ::scene::model::{Integrator, SamplerKind};
 use film::TileGrid;
@@ -38,6 +40,8 @@ pub struct Scene {
     pub filter: Arc<FilterSampler>,
     /// How light is gathered.
     pub integrator: Integrator,
+    /// What streams of paths want to know.
+    pub(crate) stream: Arc<Tables>,
     /// Which points a pixel is sampled at.
     pub sampler: SamplerKind,
     /// Seed of the sampler.
@@ -75,8 +79,14 @@ impl Scene {
             media: self.media.clone(),
             camera: self.camera.clone(),
             filter: self.filter.clone(),
+            stream: self.stream.clone(),
             ..*self
         }
+    }
+
+    /// The points of a pixel of the whole picture.
+    pub(crate) fn points(&self, pixel: [u32; 2]) -> PixelPoints {
+        PixelPoints::new(self.sampler, self.seed, self.frame, pixel)
     }
 
     /// Memory held, for the worker's budget.
@@ -84,6 +94,7 @@ impl Scene {
         self.geometry.memory_bytes()
             + self.media.memory_bytes()
             + self.lights.lights.len() * size_of::<Light>()
+            + self.stream.memory_bytes()
     }
 
     /// The closest hit.

@@ -38,8 +38,9 @@ impl Diffuse {
         ))
     }
 
+    /// The albedo.
     #[inline]
-    pub(super) fn albedo(&self) -> Rgb {
+    pub(crate) fn albedo(&self) -> Rgb {
         self.r
     }
 }

@@ -88,6 +88,16 @@ impl FilterSampler {
     }
 }
 
+impl FilterSampler {
+    /// Radii, if the filter is constant.
+    pub(crate) fn is_box(&self) -> Option<(f32, f32)> {
+        match (&self.x, &self.y) {
+            (Axis::Box(x), Axis::Box(y)) => Some((*x, *y)),
+            _ => None,
+        }
+    }
+}
+
 impl Axis {
     #[inline]
     fn sample(&self, u: f32) -> (f32, f32) {

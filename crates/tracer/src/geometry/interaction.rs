@@ -50,12 +50,12 @@ pub struct Interaction {
 }
 
 /// [`Interaction::error`] over the size of the point's coordinates: 64 roundings of 2^-24.
-const ROUNDING: f32 = 1.0 / 262_144.0;
+pub(crate) const ROUNDING: f32 = 1.0 / 262_144.0;
 
 /// The same over the size of the triangle: the corners that point and distance are computed from err by
 /// a few roundings (as in [Pbrt4, 6.8]). No more than that, or a ground plane that is a thousand times
 /// larger than what stands on it would lose contact.
-const ROUNDING_OF_CORNERS: f32 = 1.0 / 4_194_304.0;
+pub(crate) const ROUNDING_OF_CORNERS: f32 = 1.0 / 4_194_304.0;
 
 impl Interaction {
     /// Nowhere.
@@ -262,7 +262,7 @@ impl Interaction {
 
 /// The largest magnitude of a component.
 #[inline(always)]
-fn largest(v: Vec3) -> f32 {
+pub(crate) fn largest(v: Vec3) -> f32 {
     let a = v.abs();
     let b = if a.x > a.y { a.x } else { a.y };
     if b > a.z { b } else { a.z }

@@ -4,15 +4,15 @@
 pub mod debug;
 pub mod direct;
 pub mod path;
+pub(crate) mod stream;
 pub mod volpath;
 pub mod whitted;
 
 use crate::geometry::Interaction;
-use crate::light::{Aim, Light, LightSample};
+use crate::light::{Light, LightSample};
 use crate::material::Shading;
 use crate::math::Rgb;
 use crate::ray::{Hit, NONE, Ray};
-use crate::sampler::BounceNumbers;
 use crate::scene::Scene;
 use film::{Counters, LayerSample};
 use glam::Vec3;
@@ -116,43 +116,6 @@ pub(crate) fn power_heuristic(a: f32, b: f32) -> f32 {
     // Through the ratio, so that large densities do not overflow.
     let r = b / a;
     1.0 / (1.0 + r * r)
-}
-
-/// Light sent to `wo` from a sampled light, weighted against sampling the BSDF.
-#[inline]
-pub(crate) fn sampled_light(
-    scene: &Scene,
-    it: &Interaction,
-    shading: &Shading,
-    aim: Aim,
-    wo_local: Vec3,
-    numbers: &BounceNumbers,
-    counters: &mut Counters,
-) -> Rgb {
-    let Some((light, pmf)) = scene.lights.choose(it.p, aim, numbers.light_choice) else {
-        return Rgb::ZERO;
-    };
-    let textures = &scene.textures;
-    let Some(sample) = light.sample_li(textures, &scene.lights.emissions, it.p, numbers.light)
-    else {
-        return Rgb::ZERO;
-    };
-    let wi = shading.frame.to_local(sample.wi);
-    let (f, pdf_bsdf) = shading.eval_pdf(wo_local, wi);
-    if f == Rgb::ZERO {
-        return Rgb::ZERO;
-    }
-    let pdf = sample.pdf * pmf;
-    let weight = if sample.delta {
-        1.0
-    } else {
-        power_heuristic(pdf, pdf_bsdf)
-    };
-    let l = f * sample.li * (weight / pdf);
-    if l == Rgb::ZERO || is_shadowed(scene, it, &sample, counters) {
-        return Rgb::ZERO;
-    }
-    l
 }
 
 /// Whether something stands between a point and a light sample.

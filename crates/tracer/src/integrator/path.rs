@@ -1,15 +1,19 @@
 //! The path tracer: next-event estimation and multiple importance sampling at every vertex
 //! [Kajiya86], [Veach95].
+//!
+//! What happens at a vertex is here, in the order in which it must be rounded; [`sample`] does it for one
+//! path, `stream` for many side by side.
 
-use super::{First, PASS_MAX, from_infinity, power_heuristic, sampled_light, sky_alpha};
+use super::{First, PASS_MAX, from_infinity, power_heuristic, sky_alpha};
 use crate::geometry::Interaction;
 use crate::light::Aim;
-use crate::material::Slots;
+use crate::material::{Shading, Slots};
 use crate::math::Rgb;
 use crate::ray::{NONE, Ray};
-use crate::sampler::Sampler;
+use crate::sampler::{BounceNumbers, Sampler};
 use crate::scene::Scene;
 use film::{Counters, LayerSample};
+use glam::Vec3;
 
 /// First scattering event after which a path may end by chance.
 pub(super) const ROULETTE_FROM: u32 = 2;
@@ -17,8 +21,71 @@ pub(super) const ROULETTE_FROM: u32 = 2;
 /// interreflection ending paths earlier costs more noise than it saves time.
 pub(super) const ROULETTE_FACTOR: f32 = 3.0;
 
-/// Radiance along a camera ray.
-#[inline]
+/// What a path carries from one vertex to the next.
+#[derive(Clone, Copy)]
+pub(super) struct Carried {
+    pub throughput: Rgb,
+    /// Square of the product of relative indices: radiance grows inside glass and shrinks on the way
+    /// out, which must not decide how long a path lives.
+    pub eta_scale: f32,
+    /// Density of the last direction; none after the camera and after mirrors and glass, which light
+    /// sampling cannot reach through.
+    pub last_pdf: Option<f32>,
+    /// The vertex that the last direction left from.
+    pub last_p: Vec3,
+    /// What lights were chosen for there.
+    pub last_aim: Aim,
+    /// Scattering events.
+    pub depth: u32,
+}
+
+impl Carried {
+    /// From the camera.
+    pub(super) fn start(ray: &Ray) -> Carried {
+        Carried {
+            throughput: Rgb::ONE,
+            eta_scale: 1.0,
+            last_pdf: None,
+            last_p: ray.origin,
+            last_aim: Aim::ANYWHERE,
+            depth: 0,
+        }
+    }
+}
+
+/// What a path has gathered.
+#[derive(Clone, Copy)]
+pub(super) struct Gathered {
+    pub radiance: Rgb,
+    pub first: First,
+    /// `first` is what the camera sees; before, the path has met nothing but borders without a surface.
+    pub seen_first: bool,
+    /// How many of those.
+    pub passed: u32,
+    /// How far, until `first`.
+    pub travelled: f32,
+}
+
+impl Gathered {
+    /// Nothing yet.
+    pub(super) const NOTHING: Gathered = Gathered {
+        radiance: Rgb::ZERO,
+        first: First::NOTHING,
+        seen_first: false,
+        passed: 0,
+        travelled: 0.0,
+    };
+}
+
+/// Light that arrives unless something stands in the way.
+pub(super) struct Shadow {
+    /// The way.
+    pub ray: Ray,
+    /// What it adds to the path's radiance.
+    pub light: Rgb,
+}
+
+/// Radiance along a camera ray, one path by itself: the reference for streams.
 pub fn sample(
     scene: &Scene,
     mut ray: Ray,
@@ -26,59 +93,20 @@ pub fn sample(
     sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
-    let mut radiance = Rgb::ZERO;
-    let mut throughput = Rgb::ONE;
-    let mut first = First::NOTHING;
-    let mut seen_first = false;
-    let mut depth = 0;
-    let mut passed = 0;
-    let mut travelled = 0.0;
-    // Density of the last direction, and the vertex it left from; none after the camera and after
-    // mirrors and glass, which light sampling cannot reach through.
-    let mut last_pdf: Option<f32> = None;
-    let mut last_p = ray.origin;
-    let mut last_aim = Aim::ANYWHERE;
-    // Square of the product of relative indices: radiance grows inside glass and shrinks on the way
-    // out, which must not decide how long a path lives.
-    let mut eta_scale = 1.0f32;
-
+    let mut carried = Carried::start(&ray);
+    let mut gathered = Gathered::NOTHING;
     loop {
         counters.rays += 1;
         let hit = scene.geometry.closest(&ray);
         if !hit.is_some() {
-            if depth == 0 {
-                first.alpha = if seen_first {
-                    first.alpha
-                } else {
-                    sky_alpha(scene)
-                };
-                if !hidden_sky(scene) {
-                    radiance += throughput * from_infinity(scene, &ray, None);
-                }
-            } else {
-                radiance += bounded(
-                    scene,
-                    throughput * from_infinity(scene, &ray, last_pdf),
-                    depth,
-                );
-            }
+            escape(scene, &ray, &carried, &mut gathered);
             break;
         }
         let mut it = Interaction::NONE;
         scene.find(&ray, &hit, &mut it);
         let wo = -ray.direction;
-        let le = scene.emitted(&it, wo);
-        if le != Rgb::ZERO {
-            let weight = match last_pdf {
-                Some(pdf) if it.light != NONE => {
-                    power_heuristic(pdf, scene.lights.pdf_area(last_p, last_aim, &it))
-                }
-                _ => 1.0,
-            };
-            radiance += bounded(scene, throughput * le * weight, depth);
-        }
-        let at_limit = depth >= max_depth;
-        if at_limit && seen_first {
+        shine(scene, &it, wo, &carried, &mut gathered);
+        if carried.depth >= max_depth && gathered.seen_first {
             break;
         }
         let numbers = sampler.bounce(scene.geometry.level);
@@ -87,55 +115,160 @@ pub fn sample(
             .materials
             .shade(&scene.textures, &it, wo, numbers.mix, &slots)
         else {
-            // No surface: go on in the same direction. The vertex that the direction left from, and
-            // so its weight against light sampling, stay as they are.
-            passed += 1;
-            if passed > PASS_MAX {
+            let Some(next) = pass(&it, &ray, hit.t, &mut gathered) else {
                 break;
-            }
-            travelled += hit.t;
-            ray = it.spawn(ray.direction);
+            };
+            ray = next;
             continue;
         };
-        if !seen_first {
-            seen_first = true;
-            first = First::surface(&it, &shading, wo, travelled + hit.t);
-        }
-        if at_limit {
+        see(&it, &shading, wo, hit.t, &mut gathered);
+        if carried.depth >= max_depth {
             break;
         }
-        depth += 1;
         counters.bounces += 1;
-        let wo_local = shading.frame.to_local(wo);
-        let aim = shading.aim(wo_local);
-        if !shading.bsdf.is_delta() {
-            let l = sampled_light(scene, &it, &shading, aim, wo_local, &numbers, counters);
-            if l != Rgb::ZERO {
-                radiance += bounded(scene, throughput * l, depth);
+        let (shadow, next) = scatter(scene, &it, &shading, wo, &numbers, &mut carried);
+        if let Some(shadow) = shadow {
+            counters.shadow_rays += 1;
+            if !scene.geometry.occluded(&shadow.ray) {
+                gathered.radiance += shadow.light;
             }
         }
-        let Some(s) = shading.sample(wo_local, numbers.lobe, numbers.bsdf) else {
-            break;
-        };
-        throughput *= s.weight;
-        if s.transmitted {
-            eta_scale *= s.eta * s.eta;
-        }
-        if depth >= ROULETTE_FROM {
-            let keep = (throughput.max_element() * eta_scale * ROULETTE_FACTOR).min(1.0);
-            // A throughput of NaN ends here too: nothing compares with it.
-            let goes_on = numbers.roulette < keep;
-            if !goes_on {
-                break;
-            }
-            throughput *= 1.0 / keep;
-        }
-        last_pdf = if s.delta { None } else { Some(s.pdf) };
-        last_p = it.p;
-        last_aim = aim;
-        ray = it.spawn(shading.frame.to_world(s.wi));
+        let Some(next) = next else { break };
+        ray = next;
     }
-    first.with(radiance)
+    gathered.first.with(gathered.radiance)
+}
+
+/// Nothing is hit any more.
+pub(super) fn escape(scene: &Scene, ray: &Ray, carried: &Carried, gathered: &mut Gathered) {
+    if carried.depth > 0 {
+        let light = carried.throughput * from_infinity(scene, ray, carried.last_pdf);
+        gathered.radiance += bounded(scene, light, carried.depth);
+        return;
+    }
+    if !gathered.seen_first {
+        gathered.first.alpha = sky_alpha(scene);
+    }
+    if !hidden_sky(scene) {
+        gathered.radiance += carried.throughput * from_infinity(scene, ray, None);
+    }
+}
+
+/// What a surface gives off.
+#[inline]
+pub(super) fn shine(
+    scene: &Scene,
+    it: &Interaction,
+    wo: Vec3,
+    carried: &Carried,
+    gathered: &mut Gathered,
+) {
+    let le = scene.emitted(it, wo);
+    if le == Rgb::ZERO {
+        return;
+    }
+    let weight = match carried.last_pdf {
+        Some(pdf) if it.light != NONE => {
+            let by_light = scene.lights.pdf_area(carried.last_p, carried.last_aim, it);
+            power_heuristic(pdf, by_light)
+        }
+        _ => 1.0,
+    };
+    gathered.radiance += bounded(scene, carried.throughput * le * weight, carried.depth);
+}
+
+/// Goes on in the same direction where there is no surface; `None` after too many. The vertex that the
+/// direction left from, and so its weight against light sampling, stay as they are.
+pub(super) fn pass(it: &Interaction, ray: &Ray, t: f32, gathered: &mut Gathered) -> Option<Ray> {
+    gathered.passed += 1;
+    gathered.travelled += t;
+    (gathered.passed <= PASS_MAX).then(|| it.spawn(ray.direction))
+}
+
+/// Keeps the layers of the first surface.
+#[inline]
+pub(super) fn see(it: &Interaction, shading: &Shading, wo: Vec3, t: f32, gathered: &mut Gathered) {
+    if !gathered.seen_first {
+        gathered.seen_first = true;
+        gathered.first = First::surface(it, shading, wo, gathered.travelled + t);
+    }
+}
+
+/// Light that a sampled light sends on, and the ray that goes on, if any.
+#[inline]
+pub(super) fn scatter(
+    scene: &Scene,
+    it: &Interaction,
+    shading: &Shading,
+    wo: Vec3,
+    numbers: &BounceNumbers,
+    carried: &mut Carried,
+) -> (Option<Shadow>, Option<Ray>) {
+    carried.depth += 1;
+    let wo = shading.frame.to_local(wo);
+    let aim = shading.aim(wo);
+    let shadow = if shading.bsdf.is_delta() {
+        None
+    } else {
+        light(scene, it, shading, aim, wo, numbers, carried)
+    };
+    let Some(s) = shading.sample(wo, numbers.lobe, numbers.bsdf) else {
+        return (shadow, None);
+    };
+    carried.throughput *= s.weight;
+    if s.transmitted {
+        carried.eta_scale *= s.eta * s.eta;
+    }
+    if carried.depth >= ROULETTE_FROM {
+        let strongest = carried.throughput.max_element();
+        let keep = (strongest * carried.eta_scale * ROULETTE_FACTOR).min(1.0);
+        let goes_on = numbers.roulette < keep;
+        if !goes_on {
+            return (shadow, None);
+        }
+        carried.throughput *= 1.0 / keep;
+    }
+    carried.last_pdf = if s.delta { None } else { Some(s.pdf) };
+    carried.last_p = it.p;
+    carried.last_aim = aim;
+    (shadow, Some(it.spawn(shading.frame.to_world(s.wi))))
+}
+
+/// Light sent to `wo` from a sampled light, weighted against sampling the BSDF.
+#[inline]
+fn light(
+    scene: &Scene,
+    it: &Interaction,
+    shading: &Shading,
+    aim: Aim,
+    wo: Vec3,
+    numbers: &BounceNumbers,
+    carried: &Carried,
+) -> Option<Shadow> {
+    let (light, pmf) = scene.lights.choose(it.p, aim, numbers.light_choice)?;
+    let emissions = &scene.lights.emissions;
+    let sample = light.sample_li(&scene.textures, emissions, it.p, numbers.light)?;
+    let (f, pdf_bsdf) = shading.eval_pdf(wo, shading.frame.to_local(sample.wi));
+    if f == Rgb::ZERO {
+        return None;
+    }
+    let pdf = sample.pdf * pmf;
+    let weight = if sample.delta {
+        1.0
+    } else {
+        power_heuristic(pdf, pdf_bsdf)
+    };
+    let sent = f * sample.li * (weight / pdf);
+    if sent == Rgb::ZERO {
+        return None;
+    }
+    Some(Shadow {
+        ray: match sample.target {
+            Some(q) => it.spawn_to(q),
+            None => it.spawn(sample.wi),
+        },
+        light: bounded(scene, carried.throughput * sent, carried.depth),
+    })
 }
 
 /// The optional, biased bound on what indirect paths carry.

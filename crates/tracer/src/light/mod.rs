@@ -141,10 +141,25 @@ impl Lights {
     /// A light and its probability, for a point with a normal.
     #[inline]
     pub fn choose(&self, p: Vec3, aim: Aim, u: f32) -> Option<(&Light, f32)> {
+        let (light, pmf) = self.choose_index(p, aim, u)?;
+        Some((&self.lights[light as usize], pmf))
+    }
+
+    /// The light that [`Lights::choose`] always gives, if there is one.
+    pub(crate) fn only(&self) -> Option<u32> {
+        match (&self.infinite[..], &self.tree) {
+            ([], Some(tree)) => tree.only(),
+            ([light], None) => Some(*light),
+            _ => None,
+        }
+    }
+
+    /// Index of a light and its probability; see [`Lights::choose`].
+    #[inline]
+    pub(crate) fn choose_index(&self, p: Vec3, aim: Aim, u: f32) -> Option<(u32, f32)> {
         let count = self.infinite.len();
         if count == 0 {
-            let (light, pmf) = self.tree.as_ref()?.sample(p, aim, u)?;
-            return Some((&self.lights[light as usize], pmf));
+            return self.tree.as_ref()?.sample(p, aim, u);
         }
         let scaled = u / self.share;
         let which = scaled as usize;
@@ -152,12 +167,9 @@ impl Lights {
             Some(tree) if which >= count => {
                 let rest = (scaled - count as f32).clamp(0.0, crate::math::ONE_MINUS_EPSILON);
                 let (light, pmf) = tree.sample(p, aim, rest)?;
-                Some((&self.lights[light as usize], pmf * self.share))
+                Some((light, pmf * self.share))
             }
-            _ => Some((
-                &self.lights[self.infinite[which.min(count - 1)] as usize],
-                self.share,
-            )),
+            _ => Some((self.infinite[which.min(count - 1)], self.share)),
         }
     }
 

@@ -124,6 +124,11 @@ impl LightTree {
         Some(tree)
     }
 
+    /// The light of a tree of one.
+    pub fn only(&self) -> Option<u32> {
+        self.nodes.is_empty().then_some(self.only)
+    }
+
     /// A light and its probability, for a point with a normal; `None` if no light reaches it.
     #[inline]
     pub fn sample(&self, p: Vec3, aim: Aim, mut u: f32) -> Option<(u32, f32)> {

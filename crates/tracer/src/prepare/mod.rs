@@ -9,6 +9,7 @@ mod trees;
 use crate::accel::{Geometry, SimdLevel};
 use crate::camera::Camera;
 use crate::camera::filter::FilterSampler;
+use crate::integrator::stream::Tables;
 use crate::light::{Goniometric, Light, Lights, Projection, environment::Environment};
 use crate::material::Materials;
 use crate::math::{self, Rgb};
@@ -102,6 +103,7 @@ fn compile(
         has_alpha,
     };
     let [x0, y0, x1, y1] = film.crop.unwrap_or([0, 0, film.width, film.height]);
+    let tables = Tables::new(&geometry, &materials, &lights);
     Ok(Scene {
         geometry: Arc::new(Geometry {
             level: crate::simd(),
@@ -116,6 +118,7 @@ fn compile(
         camera: Arc::new(camera),
         filter: Arc::new(FilterSampler::new(&film.filter)),
         integrator: desc.integrator,
+        stream: Arc::new(tables),
         sampler: desc.sampler,
         seed: settings.seed,
         frame: settings.frame,

@@ -8,9 +8,10 @@
 //! event takes the points in an order of its own, scrambled as in [Burley20] so that each aligned
 //! block of 2^m indices stays such a block (and its points a shifted lattice).
 
-use super::sobol::owen;
+use super::sobol::{owen, owen_in_lanes};
 use super::to_unit;
 use crate::hash;
+use crate::lanes::{Float, Int, Wide};
 
 /// Dimensions of the camera: point of the pixel, point of the lens, moment.
 const CAMERA: usize = 5;
@@ -34,9 +35,9 @@ pub(super) const VECTOR: [u32; CAMERA + EVENT] = [
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Keys {
     /// Order of the points.
-    order: u32,
+    pub order: u32,
     /// Shift of each dimension.
-    shift: [u32; EVENT],
+    pub shift: [u32; EVENT],
 }
 
 impl Keys {
@@ -70,6 +71,44 @@ pub fn event(reversed: u32, keys: &Keys, joint: bool) -> [f32; EVENT] {
         owen(reversed, keys.order)
     };
     std::array::from_fn(|j| point(phi, VECTOR[CAMERA + j], keys.shift[j]))
+}
+
+/// [`camera`] for eight samples, as [`event_in_lanes`].
+#[inline(always)]
+pub fn camera_in_lanes<W: Wide>(reversed: W::I, shifts: [W::F; EVENT]) -> [W::F; CAMERA] {
+    let mut numbers = [shifts[0]; CAMERA];
+    for j in 0..CAMERA {
+        numbers[j] = point_in_lanes::<W>(reversed, VECTOR[j], shifts[j]);
+    }
+    numbers
+}
+
+/// [`event`] for eight samples, each with its keys: `shifts` are the bits of one dimension's shifts
+/// after another's.
+#[inline(always)]
+pub fn event_in_lanes<W: Wide>(
+    reversed: W::I,
+    orders: W::I,
+    shifts: [W::F; EVENT],
+    joint: bool,
+) -> [W::F; EVENT] {
+    let phi = if joint {
+        reversed
+    } else {
+        owen_in_lanes::<W>(reversed, orders)
+    };
+    let mut numbers = shifts;
+    for j in 0..EVENT {
+        numbers[j] = point_in_lanes::<W>(phi, VECTOR[CAMERA + j], shifts[j]);
+    }
+    numbers
+}
+
+/// [`point`] in lanes.
+#[inline(always)]
+fn point_in_lanes<W: Wide>(phi: W::I, z: u32, shift: W::F) -> W::F {
+    let bits = phi * W::I::splat(z) + shift.bits();
+    W::F::from_int(bits.shr::<8>()) * W::F::splat(1.0 / 16_777_216.0)
 }
 
 /// Coordinate of a lattice point.

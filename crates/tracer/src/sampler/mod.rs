@@ -1,6 +1,8 @@
 //! Samplers: the numbers of a sample as a pure function of (seed, frame, pixel, sample index,
 //! dimension). No state is kept or sent; the index has no end but 2^32 and no total is needed.
 
+pub(crate) use lattice::{Keys as LatticeKeys, camera_in_lanes, event_in_lanes};
+
 mod lattice;
 pub(crate) mod sobol;
 
@@ -38,6 +40,18 @@ impl PixelPoints {
             events: [lattice::Keys::default(); EVENTS_KEPT + 1],
             known: 0,
         }
+    }
+
+    /// Keys of the camera.
+    #[inline]
+    pub(crate) fn keys_of_camera(&mut self) -> &LatticeKeys {
+        self.event(0)
+    }
+
+    /// Keys of a scattering event of samples of this pixel, counted from 0.
+    #[inline]
+    pub(crate) fn keys_of_event(&mut self, event: u32) -> &LatticeKeys {
+        self.event((event + 1) * DIMENSIONS_OF_EVENT)
     }
 
     /// Keys of the event that begins at a dimension.
@@ -120,6 +134,15 @@ impl Sampler<'_> {
             index,
             reversed: index.reverse_bits(),
             dimension: 0,
+        }
+    }
+
+    /// As [`Sampler::start`] leaves it after the camera and so many scattering events.
+    #[inline]
+    pub(crate) fn at_event(pixel: &mut PixelPoints, index: u32, events: u32) -> Sampler<'_> {
+        Sampler {
+            dimension: (events + 1) * DIMENSIONS_OF_EVENT,
+            ..Sampler::start(pixel, index)
         }
     }
 

@@ -4,6 +4,7 @@
 
 use super::to_unit;
 use crate::hash;
+use crate::lanes::{Int, Wide};
 use glam::Vec2;
 
 /// A point of the shuffled, scrambled (0, 2)-sequence. `reversed` is the sample index with its bits
@@ -85,6 +86,16 @@ pub(super) fn owen(x: u32, key: u32) -> u32 {
     x ^= x.wrapping_mul(0x0552_6C56);
     x ^= x.wrapping_mul(0x53A2_2864);
     x
+}
+
+/// [`owen`] in lanes.
+#[inline(always)]
+pub(super) fn owen_in_lanes<W: Wide>(x: W::I, key: W::I) -> W::I {
+    let x = x ^ (x * W::I::splat(0x3D20_ADEA));
+    let x = x + key;
+    let x = x * (key.shr::<16>() | W::I::splat(1));
+    let x = x ^ (x * W::I::splat(0x0552_6C56));
+    x ^ (x * W::I::splat(0x53A2_2864))
 }
 
 /// The second Sobol coordinate of an index, with its bits reversed (lowest bit first): row r of the

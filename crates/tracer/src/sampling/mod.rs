@@ -5,6 +5,7 @@
 
 mod alias;
 mod disk;
+pub(crate) mod lanes;
 mod linear;
 mod piecewise;
 mod sphere;

@@ -1,0 +1,83 @@
+//! Camera rays, in lanes where the camera is of the usual kind.
+
+use super::Wave;
+use super::paths::{self, Paths};
+use crate::lanes::{Float, Int, LANES, Row, V3, Wide};
+use crate::render::camera_ray;
+use crate::sampler::{self, Sampler};
+use glam::Vec2;
+use scene::model::SamplerKind;
+
+/// Makes the rays of all samples, and the weights of the pixel filter.
+#[inline(always)]
+pub(super) fn rays<W: Wide>(wave: &Wave, paths: &mut Paths, (): ()) {
+    let scene = wave.scene;
+    if scene.sampler != SamplerKind::Lattice || !scene.camera.suits_lanes() {
+        for at in 0..paths.len() {
+            let whole = paths.pixel(at).whole;
+            let (points, index) = paths.points(paths.place(at));
+            let (ray, weight) = camera_ray(scene, whole, &mut Sampler::start(points, index));
+            paths.rays_mut()[at] = bytemuck::cast(ray);
+            paths.radiance[at] = Row([0.0, 0.0, 0.0, weight, 0.0, 0.0, 0.0, 0.0]);
+        }
+        return;
+    }
+    let one = W::F::splat(1.0);
+    for begin in (0..paths.len()).step_by(LANES) {
+        let slots = paths::in_turn(begin, paths.len());
+        let mut shifts = [Row::default(); LANES];
+        let mut reversed = [0; LANES];
+        let mut center = [Row::default(); 2];
+        for lane in 0..LANES {
+            let slot = slots[lane];
+            shifts[lane] = Row(bytemuck::cast(paths.camera_keys(slot).shift));
+            reversed[lane] = paths.reversed[slot as usize];
+            let [x, y] = paths.pixel(slot as usize).whole;
+            center[0].0[lane] = x as f32 + 0.5;
+            center[1].0[lane] = y as f32 + 0.5;
+        }
+        let shifts = paths::columns::<W>(&shifts);
+        let reversed = W::I::load(&reversed);
+        let [fx, fy, lx, ly, moment] = sampler::camera_in_lanes::<W>(reversed, shifts);
+        let (dx, dy, weight) = match scene.filter.is_box() {
+            Some((rx, ry)) => {
+                let two = W::F::splat(2.0);
+                let dx = (two * fx - one) * W::F::splat(rx);
+                let dy = (two * fy - one) * W::F::splat(ry);
+                (dx, dy, one)
+            }
+            None => offsets::<W>(wave, fx, fy),
+        };
+        let x = (W::F::load(&center[0]) + dx) / W::F::splat(scene.full_size[0] as f32);
+        let y = (W::F::load(&center[1]) + dy) / W::F::splat(scene.full_size[1] as f32);
+        let (o, d, time): (V3<W>, V3<W>, W::F) =
+            scene.camera.ray_in_lanes::<W>([x, y], [lx, ly], moment);
+        let end = W::F::splat(f32::INFINITY);
+        paths::scatter::<W>(
+            paths.rays_mut(),
+            &slots,
+            [o.x, o.y, o.z, d.x, d.y, d.z, end, time],
+        );
+        let zero = W::F::splat(0.0);
+        paths::scatter::<W>(
+            &mut paths.radiance,
+            &slots,
+            [zero, zero, zero, weight, zero, zero, zero, zero],
+        );
+    }
+}
+
+/// Offsets in the pixel and weights, one lane after another: tables do not come in lanes.
+#[inline(always)]
+fn offsets<W: Wide>(wave: &Wave, fx: W::F, fy: W::F) -> (W::F, W::F, W::F) {
+    let (mut x, mut y, mut weights) = (Row::default(), Row::default(), Row::default());
+    fx.store(&mut x);
+    fy.store(&mut y);
+    for lane in 0..LANES {
+        let (offset, weight) = wave.scene.filter.sample(Vec2::new(x.0[lane], y.0[lane]));
+        x.0[lane] = offset.x;
+        y.0[lane] = offset.y;
+        weights.0[lane] = weight;
+    }
+    (W::F::load(&x), W::F::load(&y), W::F::load(&weights))
+}

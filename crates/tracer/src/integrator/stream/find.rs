@@ -1,0 +1,124 @@
+//! Points on plain triangles, in lanes: what [`Interaction::find`](crate::geometry::Interaction::find)
+//! does for them.
+
+use super::Wave;
+use super::paths::{self, Group, Paths, Place};
+use crate::geometry::interaction::{ROUNDING, ROUNDING_OF_CORNERS};
+use crate::lanes::{Float, LANES, Mask, Row, V3, Wide};
+
+/// Works out the vertices of hits on flat triangles that have records.
+#[inline(always)]
+pub(super) fn find_flat<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+    let tables = &wave.scene.stream;
+    for places in places.chunks(LANES) {
+        let group = Group::new(places);
+        let mut records = [[Row::default(); LANES]; 2];
+        let (mut u, mut v) = (Row::default(), Row::default());
+        for lane in 0..LANES {
+            let hit = paths.hit_of(group.rays[lane]);
+            let record = tables.record(hit.prim);
+            records[0][lane] = record.0[0];
+            records[1][lane] = record.0[1];
+            u.0[lane] = hit.u;
+            v.0[lane] = hit.v;
+        }
+        let [ax, ay, az, bx, by, bz, cx, cy] = paths::columns::<W>(&records[0]);
+        let [cz, nx, ny, nz, size, r, g, b] = paths::columns::<W>(&records[1]);
+        let (u, v) = (W::F::load(&u), W::F::load(&v));
+        let w = W::F::splat(1.0) - u - v;
+        let p = V3::<W>::new(ax, ay, az) * w
+            + V3::<W>::new(bx, by, bz) * u
+            + V3::<W>::new(cx, cy, cz) * v;
+        let error = p.largest() * W::F::splat(ROUNDING) + size;
+        let zero = W::F::splat(0.0);
+        paths::scatter::<W>(
+            &mut paths.point,
+            &group.slots,
+            [p.x, p.y, p.z, error, nx, ny, nz, zero],
+        );
+        paths::scatter::<W>(
+            &mut paths.surface,
+            &group.slots,
+            [nx, ny, nz, r, g, b, zero, zero],
+        );
+    }
+}
+
+/// Works out the vertices of hits on plain surfaces.
+#[inline(always)]
+pub(super) fn find<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+    let geometry = &wave.scene.geometry;
+    for places in places.chunks(LANES) {
+        let group = Group::new(places);
+        let mut corners = [[Row::default(); 3]; 3];
+        let mut normals = [[Row::default(); 3]; 3];
+        let (mut u, mut v) = (Row::default(), Row::default());
+        let mut albedo = [Row::default(); 3];
+        let (mut flipped, mut smooth) = (0, 0);
+        for lane in 0..LANES {
+            let hit = paths.hit_of(group.rays[lane]);
+            let at = geometry.world.prims[hit.prim as usize];
+            let surface = &geometry.surfaces[at.surface as usize];
+            let mesh = &geometry.meshes[surface.mesh as usize];
+            let indices = mesh.indices[at.index as usize];
+            let is_smooth = !mesh.normals.is_empty();
+            for c in 0..3 {
+                let p = mesh.positions[indices[c] as usize];
+                corners[c][0].0[lane] = p.x;
+                corners[c][1].0[lane] = p.y;
+                corners[c][2].0[lane] = p.z;
+                if is_smooth {
+                    let n = mesh.normals[indices[c] as usize];
+                    normals[c][0].0[lane] = n.x;
+                    normals[c][1].0[lane] = n.y;
+                    normals[c][2].0[lane] = n.z;
+                }
+            }
+            u.0[lane] = hit.u;
+            v.0[lane] = hit.v;
+            let r = wave.scene.stream.albedo(at.surface);
+            albedo[0].0[lane] = r.x;
+            albedo[1].0[lane] = r.y;
+            albedo[2].0[lane] = r.z;
+            flipped |= (surface.flip as u32) << lane;
+            smooth |= (is_smooth as u32) << lane;
+        }
+        let (u, v) = (W::F::load(&u), W::F::load(&v));
+        let w = W::F::splat(1.0) - u - v;
+        let a = V3::<W>::load(&corners[0]);
+        let b = V3::<W>::load(&corners[1]);
+        let c = V3::<W>::load(&corners[2]);
+        let (e1, e2) = (b - a, c - a);
+        let p = a * w + b * u + c * v;
+        let size = e1.largest() + e2.largest();
+        let error = p.largest() * W::F::splat(ROUNDING) + size * W::F::splat(ROUNDING_OF_CORNERS);
+        let mut ng = e1.cross(e2).normalized();
+        ng = V3::select(W::M::from_bits(flipped), -ng, ng);
+        let mut ns = ng;
+        if smooth != 0 {
+            let n = V3::<W>::load(&normals[0]) * w
+                + V3::<W>::load(&normals[1]) * u
+                + V3::<W>::load(&normals[2]) * v;
+            let zero = W::F::splat(0.0);
+            let length2 = n.dot(n);
+            // Lanes without normals have zeros here.
+            let usable = zero.lt(length2);
+            ns = V3::select(usable, n * (W::F::splat(1.0) / length2.sqrt()), ns);
+            // Vertex normals decide which side is outside.
+            let inside = usable & ng.dot(ns).lt(zero);
+            ng = V3::select(inside, -ng, ng);
+        }
+        let zero = W::F::splat(0.0);
+        paths::scatter::<W>(
+            &mut paths.point,
+            &group.slots,
+            [p.x, p.y, p.z, error, ng.x, ng.y, ng.z, zero],
+        );
+        let albedo = V3::<W>::load(&albedo);
+        paths::scatter::<W>(
+            &mut paths.surface,
+            &group.slots,
+            [ns.x, ns.y, ns.z, albedo.x, albedo.y, albedo.z, zero, zero],
+        );
+    }
+}

@@ -1,0 +1,44 @@
+//! Numbers of an event for all paths.
+
+use super::paths::{self, Group, Paths, Place};
+use super::{Wave, draw_one, entry};
+use crate::lanes::{Int, LANES, Row, Wide};
+use crate::sampler;
+use scene::model::SamplerKind;
+
+/// Draws the numbers of some paths for this wave's event.
+pub(super) fn draw(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+    if wave.scene.sampler == SamplerKind::Lattice {
+        entry::lattice(wave.scene.geometry.level, wave, paths, places);
+        return;
+    }
+    for place in places {
+        draw_one(wave, paths, *place);
+    }
+}
+
+/// [`draw`] in lanes, for points of the lattice.
+#[inline(always)]
+pub(super) fn lattice<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+    for places in places.chunks(LANES) {
+        let group = Group::new(places);
+        let mut shifts = [Row::default(); LANES];
+        let mut orders = [0; LANES];
+        let mut reversed = [0; LANES];
+        for lane in 0..LANES {
+            let slot = group.slots[lane];
+            let keys = paths.keys(slot, wave.event);
+            shifts[lane] = Row(bytemuck::cast(keys.shift));
+            orders[lane] = keys.order;
+            reversed[lane] = paths.reversed[slot as usize];
+        }
+        let shifts = paths::columns::<W>(&shifts);
+        let numbers = sampler::event_in_lanes::<W>(
+            W::I::load(&reversed),
+            W::I::load(&orders),
+            shifts,
+            wave.event == 0,
+        );
+        paths::scatter::<W>(&mut paths.numbers, &group.slots, numbers);
+    }
+}

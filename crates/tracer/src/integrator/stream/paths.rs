@@ -1,0 +1,543 @@
+//! What a stream knows of its paths: records of eight numbers, so that eight paths are eight rows to
+//! read and a transposition.
+
+use super::CAPACITY;
+use crate::accel::Geometry;
+use crate::geometry::Interaction;
+use crate::integrator::First;
+use crate::integrator::path::{Carried, Gathered, Shadow};
+use crate::lanes::{Float, LANES, Row, Wide};
+use crate::light::Aim;
+use crate::math::Rgb;
+use crate::ray::{Hit, Ray};
+use crate::sampler::{BounceNumbers, LatticeKeys, PixelPoints};
+use glam::{Vec2, Vec3};
+use std::ops::Range;
+
+/// A path that is still on its way: where its ray is, and where its other records are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// Among the rays of this wave.
+    pub ray: u32,
+    /// Among the paths of the stream.
+    pub slot: u32,
+}
+
+/// `last_pdf` of a path whose last direction has no density.
+const NO_DENSITY: f32 = -1.0;
+
+/// All records. Those by slot stay where they are; rays move up where paths have ended.
+pub(super) struct Paths {
+    /// Rays of this wave ([`Ray`]), and whose they are.
+    rays: Vec<Row>,
+    slots: Vec<u32>,
+    hits: Vec<Hit>,
+    /// Rays of the next wave.
+    next_rays: Vec<Row>,
+    next_slots: Vec<u32>,
+    /// Shadow rays, the light that they stand for (three numbers) and whose it is.
+    shadow_rays: Vec<Row>,
+    shadow_light: Vec<(Rgb, u32)>,
+    blocked: Vec<bool>,
+    /// By slot: throughput, eta_scale, last_pdf, depth (bits).
+    pub carried: Vec<Row>,
+    /// By slot: last_p, axis of last_aim, its narrowness (bits).
+    pub last: Vec<Row>,
+    /// By slot: alpha, albedo, normal, depth of the first surface.
+    pub first: Vec<Row>,
+    /// By slot: numbers of the event, see [`BounceNumbers`].
+    pub numbers: Vec<Row>,
+    /// By slot: point, error, geometric normal, pmf of the light.
+    pub point: Vec<Row>,
+    /// By slot: shading normal, albedo, light (bits).
+    pub surface: Vec<Row>,
+    /// By slot: radiance, weight of the pixel filter.
+    pub radiance: Vec<Row>,
+    rare: Vec<Rare>,
+    any_passed: bool,
+    /// Sample index by slot, and its bits reversed.
+    index: Vec<u32>,
+    pub reversed: Vec<u32>,
+    /// Pixel by slot.
+    pixel: Vec<u32>,
+    pixels: Vec<PixelPoints>,
+    of: Vec<PixelOf>,
+    /// Keys of an event by pixel, and of which event.
+    keys: Vec<(LatticeKeys, u32)>,
+}
+
+/// A pixel that samples are of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PixelOf {
+    /// Its place in the tile.
+    pub place: [u32; 2],
+    /// Its place in the whole picture.
+    pub whole: [u32; 2],
+}
+
+/// The rest of [`Gathered`].
+#[derive(Clone, Copy)]
+struct Rare {
+    seen_first: bool,
+    passed: u32,
+    travelled: f32,
+}
+
+impl Paths {
+    pub fn new() -> Box<Paths> {
+        // Lanes read past the last path, and make nothing of it.
+        let rows = || vec![Row::default(); CAPACITY + LANES];
+        Box::new(Paths {
+            rays: Vec::with_capacity(CAPACITY),
+            slots: Vec::with_capacity(CAPACITY),
+            hits: vec![Hit::none(0.0); CAPACITY],
+            next_rays: Vec::with_capacity(CAPACITY),
+            next_slots: Vec::with_capacity(CAPACITY),
+            shadow_rays: Vec::with_capacity(CAPACITY),
+            shadow_light: Vec::with_capacity(CAPACITY),
+            blocked: vec![false; CAPACITY],
+            carried: rows(),
+            last: rows(),
+            first: rows(),
+            numbers: rows(),
+            point: rows(),
+            surface: rows(),
+            radiance: rows(),
+            rare: vec![Rare::NONE; CAPACITY],
+            any_passed: false,
+            index: Vec::with_capacity(CAPACITY),
+            reversed: Vec::with_capacity(CAPACITY),
+            pixel: Vec::with_capacity(CAPACITY),
+            pixels: Vec::with_capacity(CAPACITY),
+            of: Vec::with_capacity(CAPACITY),
+            keys: Vec::with_capacity(CAPACITY),
+        })
+    }
+
+    /// Makes room for new paths.
+    pub fn clear(&mut self) {
+        self.index.clear();
+        self.reversed.clear();
+        self.pixel.clear();
+        self.pixels.clear();
+        self.keys.clear();
+        self.of.clear();
+        let nothing = Carried {
+            throughput: Rgb::ONE,
+            eta_scale: 1.0,
+            last_pdf: None,
+            last_p: Vec3::ZERO,
+            last_aim: Aim::ANYWHERE,
+            depth: 0,
+        };
+        self.carried.fill(carried_row(&nothing));
+        self.first.fill(first_row(&First::NOTHING));
+        self.rare.fill(Rare::NONE);
+        self.any_passed = false;
+    }
+
+    /// Adds samples of a pixel; [`super::camera::rays`] makes their rays.
+    pub fn push(&mut self, of: PixelOf, points: PixelPoints, samples: Range<u32>) {
+        let pixel = self.pixels.len() as u32;
+        self.keys.push((LatticeKeys::default(), u32::MAX));
+        self.pixels.push(points);
+        self.of.push(of);
+        let begin = self.index.len() as u32;
+        let count = samples.end - samples.start;
+        self.slots.extend(begin..begin + count);
+        self.rays.resize((begin + count) as usize, Row::default());
+        self.pixel.resize((begin + count) as usize, pixel);
+        self.reversed.extend(samples.clone().map(u32::reverse_bits));
+        self.index.extend(samples);
+    }
+
+    /// Samples, on their way or not.
+    pub fn len(&self) -> usize {
+        self.index.len()
+    }
+
+    /// The pixel of a sample.
+    #[inline(always)]
+    pub fn pixel(&self, slot: usize) -> &PixelOf {
+        &self.of[self.pixel[slot] as usize]
+    }
+
+    /// Index of a sample.
+    #[inline(always)]
+    pub fn index(&self, slot: usize) -> u32 {
+        self.index[slot]
+    }
+
+    /// Keys of the camera of a sample's pixel.
+    #[inline(always)]
+    pub fn camera_keys(&mut self, slot: u32) -> &LatticeKeys {
+        self.pixels[self.pixel[slot as usize] as usize].keys_of_camera()
+    }
+
+    /// Rays of this wave, to be made.
+    #[inline(always)]
+    pub fn rays_mut(&mut self) -> &mut [Row] {
+        &mut self.rays
+    }
+
+    pub fn is_done(&self) -> bool {
+        self.rays.is_empty()
+    }
+
+    /// Paths on their way.
+    pub fn active(&self) -> usize {
+        self.rays.len()
+    }
+
+    pub fn place(&self, at: usize) -> Place {
+        Place {
+            ray: at as u32,
+            slot: self.slots[at],
+        }
+    }
+
+    /// Finds the hits of all rays.
+    pub fn find_hits(&mut self, geometry: &Geometry) {
+        geometry.closest_many(
+            bytemuck::cast_slice(&self.rays),
+            &mut self.hits[..self.rays.len()],
+        );
+    }
+
+    #[inline(always)]
+    pub fn hit(&self, place: Place) -> Hit {
+        self.hits[place.ray as usize]
+    }
+
+    /// The hit of a ray of this wave.
+    #[inline(always)]
+    pub fn hit_of(&self, ray: u32) -> &Hit {
+        &self.hits[ray as usize]
+    }
+
+    /// Whether any path has passed a border without a surface.
+    pub fn any_passed(&self) -> bool {
+        self.any_passed
+    }
+
+    #[inline(always)]
+    pub fn ray(&self, place: Place) -> Ray {
+        bytemuck::cast(self.rays[place.ray as usize])
+    }
+
+    #[inline(always)]
+    pub fn rays(&self) -> &[Row] {
+        &self.rays
+    }
+
+    #[inline(always)]
+    pub fn depth(&self, place: Place) -> u32 {
+        self.carried[place.slot as usize].0[5].to_bits()
+    }
+
+    #[inline(always)]
+    pub fn seen_first(&self, place: Place) -> bool {
+        self.rare[place.slot as usize].seen_first
+    }
+
+    /// The layers of the first surface have been kept.
+    #[inline(always)]
+    pub fn set_seen(&mut self, slot: u32) {
+        self.rare[slot as usize].seen_first = true;
+    }
+
+    pub fn carried(&self, place: Place) -> Carried {
+        let [r, g, b, eta_scale, pdf, depth, ..] = self.carried[place.slot as usize].0;
+        let [px, py, pz, ax, ay, az, narrow, _] = self.last[place.slot as usize].0;
+        Carried {
+            throughput: Rgb::new(r, g, b),
+            eta_scale,
+            last_pdf: (pdf != NO_DENSITY).then_some(pdf),
+            last_p: Vec3::new(px, py, pz),
+            last_aim: Aim {
+                axis: Vec3::new(ax, ay, az),
+                narrow: narrow.to_bits(),
+            },
+            depth: depth.to_bits(),
+        }
+    }
+
+    pub fn set_carried(&mut self, place: Place, c: &Carried) {
+        self.carried[place.slot as usize] = carried_row(c);
+        let ([px, py, pz], [ax, ay, az]) = (c.last_p.to_array(), c.last_aim.axis.to_array());
+        let narrow = f32::from_bits(c.last_aim.narrow);
+        self.last[place.slot as usize] = Row([px, py, pz, ax, ay, az, narrow, 0.0]);
+    }
+
+    pub fn gathered(&self, place: Place) -> Gathered {
+        let slot = place.slot as usize;
+        let [alpha, r, g, b, x, y, z, depth] = self.first[slot].0;
+        let rare = self.rare[slot];
+        Gathered {
+            radiance: Rgb::from_slice(&self.radiance[slot].0),
+            first: First {
+                alpha,
+                albedo: Rgb::new(r, g, b),
+                normal: Vec3::new(x, y, z),
+                depth,
+            },
+            seen_first: rare.seen_first,
+            passed: rare.passed,
+            travelled: rare.travelled,
+        }
+    }
+
+    pub fn set_gathered(&mut self, place: Place, g: &Gathered) {
+        let slot = place.slot as usize;
+        self.first[slot] = first_row(&g.first);
+        self.radiance[slot].0[..3].copy_from_slice(&g.radiance.to_array());
+        self.any_passed |= g.passed > 0;
+        self.rare[slot] = Rare {
+            seen_first: g.seen_first,
+            passed: g.passed,
+            travelled: g.travelled,
+        };
+    }
+
+    pub fn numbers(&self, place: Place) -> BounceNumbers {
+        let [lx, ly, bx, by, light_choice, lobe, roulette, mix] =
+            self.numbers[place.slot as usize].0;
+        BounceNumbers {
+            light: Vec2::new(lx, ly),
+            bsdf: Vec2::new(bx, by),
+            light_choice,
+            lobe,
+            roulette,
+            mix,
+        }
+    }
+
+    pub fn set_numbers(&mut self, place: Place, n: &BounceNumbers) {
+        self.numbers[place.slot as usize] = Row([
+            n.light.x,
+            n.light.y,
+            n.bsdf.x,
+            n.bsdf.y,
+            n.light_choice,
+            n.lobe,
+            n.roulette,
+            n.mix,
+        ]);
+    }
+
+    /// The points of a path's pixel, and its sample index.
+    pub fn points(&mut self, place: Place) -> (&mut PixelPoints, u32) {
+        let slot = place.slot as usize;
+        (
+            &mut self.pixels[self.pixel[slot] as usize],
+            self.index[slot],
+        )
+    }
+
+    /// Keys of an event of a path's pixel.
+    #[inline(always)]
+    pub fn keys(&mut self, slot: u32, event: u32) -> &LatticeKeys {
+        let pixel = self.pixel[slot as usize] as usize;
+        let (keys, of) = &mut self.keys[pixel];
+        if *of != event {
+            *of = event;
+            *keys = *self.pixels[pixel].keys_of_event(event);
+        }
+        keys
+    }
+
+    /// A vertex that lanes go on with.
+    pub fn set_vertex(&mut self, place: Place, it: &Interaction, normal: Vec3, albedo: Rgb) {
+        let slot = place.slot as usize;
+        let ([px, py, pz], [gx, gy, gz]) = (it.p.to_array(), it.ng.to_array());
+        self.point[slot] = Row([px, py, pz, it.error, gx, gy, gz, 0.0]);
+        let ([nx, ny, nz], [r, g, b]) = (normal.to_array(), albedo.to_array());
+        self.surface[slot] = Row([nx, ny, nz, r, g, b, 0.0, 0.0]);
+    }
+
+    /// The path goes on.
+    pub fn go_on(&mut self, place: Place, ray: &Ray) {
+        self.push_next(bytemuck::cast(*ray), place.slot);
+    }
+
+    #[inline(always)]
+    pub fn push_next(&mut self, ray: Row, slot: u32) {
+        self.next_rays.push(ray);
+        self.next_slots.push(slot);
+    }
+
+    /// Light arrives, unless something stands in the way.
+    pub fn ask_shadow(&mut self, place: Place, shadow: &Shadow) {
+        self.push_shadow(bytemuck::cast(shadow.ray), shadow.light, place.slot);
+    }
+
+    #[inline(always)]
+    pub fn push_shadow(&mut self, ray: Row, light: Rgb, slot: u32) {
+        self.shadow_rays.push(ray);
+        self.shadow_light.push((light, slot));
+    }
+
+    /// Traces all shadow rays and adds what arrives; how many there were.
+    pub fn cast_shadows(&mut self, geometry: &Geometry) -> usize {
+        let count = self.shadow_rays.len();
+        let blocked = &mut self.blocked[..count];
+        geometry.occluded_many(bytemuck::cast_slice(&self.shadow_rays), blocked);
+        for ((light, slot), blocked) in self.shadow_light.iter().zip(blocked) {
+            if !*blocked {
+                let radiance = &mut self.radiance[*slot as usize].0;
+                radiance[0] += light.x;
+                radiance[1] += light.y;
+                radiance[2] += light.z;
+            }
+        }
+        self.shadow_rays.clear();
+        self.shadow_light.clear();
+        count
+    }
+
+    /// The rays that go on are those to trace.
+    pub fn next_wave(&mut self) {
+        std::mem::swap(&mut self.rays, &mut self.next_rays);
+        std::mem::swap(&mut self.slots, &mut self.next_slots);
+        self.next_rays.clear();
+        self.next_slots.clear();
+    }
+}
+
+fn carried_row(c: &Carried) -> Row {
+    let [r, g, b] = c.throughput.to_array();
+    let pdf = c.last_pdf.unwrap_or(NO_DENSITY);
+    let depth = f32::from_bits(c.depth);
+    Row([r, g, b, c.eta_scale, pdf, depth, 0.0, 0.0])
+}
+
+fn first_row(first: &First) -> Row {
+    let ([r, g, b], [x, y, z]) = (first.albedo.to_array(), first.normal.to_array());
+    Row([first.alpha, r, g, b, x, y, z, first.depth])
+}
+
+impl Rare {
+    const NONE: Rare = Rare {
+        seen_first: false,
+        passed: 0,
+        travelled: 0.0,
+    };
+}
+
+/// A list of paths.
+pub(super) struct List {
+    places: Box<[Place; CAPACITY + 1]>,
+    len: usize,
+}
+
+impl List {
+    pub fn new() -> List {
+        List {
+            // A place more, which is written to and not counted.
+            places: Box::new([Place { ray: 0, slot: 0 }; CAPACITY + 1]),
+            len: 0,
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.len = 0;
+    }
+
+    pub fn len(&self) -> usize {
+        self.len
+    }
+
+    pub fn all(&self) -> &[Place] {
+        &self.places[..self.len]
+    }
+
+    /// Adds a path if it belongs there, without a branch.
+    #[inline(always)]
+    pub fn push_if(&mut self, place: Place, belongs: bool) {
+        self.places[self.len] = place;
+        self.len += belongs as usize;
+    }
+
+    /// Adds many.
+    pub fn extend(&mut self, places: &[Place]) {
+        self.places[self.len..self.len + places.len()].copy_from_slice(places);
+        self.len += places.len();
+    }
+}
+
+/// Eight places one after another, the last repeated where there are fewer.
+#[inline(always)]
+pub(super) fn in_turn(begin: usize, end: usize) -> [u32; LANES] {
+    let mut places = [0; LANES];
+    for (lane, place) in places.iter_mut().enumerate() {
+        *place = (begin + lane).min(end - 1) as u32;
+    }
+    places
+}
+
+/// Up to eight paths that lanes work on together; the lanes beyond them repeat the last.
+#[derive(Clone, Copy)]
+pub(super) struct Group {
+    pub rays: [u32; LANES],
+    pub slots: [u32; LANES],
+    /// One bit a lane.
+    pub used: u32,
+}
+
+impl Group {
+    #[inline(always)]
+    pub fn new(places: &[Place]) -> Group {
+        let last = places[places.len() - 1];
+        let mut group = Group {
+            rays: [last.ray; LANES],
+            slots: [last.slot; LANES],
+            used: (1 << places.len()) - 1,
+        };
+        for (lane, place) in places.iter().enumerate() {
+            group.rays[lane] = place.ray;
+            group.slots[lane] = place.slot;
+        }
+        group
+    }
+}
+
+/// Columns of the records at eight places.
+#[inline(always)]
+pub(super) fn gather<W: Wide>(records: &[Row], at: &[u32; LANES]) -> [W::F; LANES] {
+    W::transpose([
+        W::F::load(&records[at[0] as usize]),
+        W::F::load(&records[at[1] as usize]),
+        W::F::load(&records[at[2] as usize]),
+        W::F::load(&records[at[3] as usize]),
+        W::F::load(&records[at[4] as usize]),
+        W::F::load(&records[at[5] as usize]),
+        W::F::load(&records[at[6] as usize]),
+        W::F::load(&records[at[7] as usize]),
+    ])
+}
+
+/// Columns of eight records.
+#[inline(always)]
+pub(super) fn columns<W: Wide>(records: &[Row; LANES]) -> [W::F; LANES] {
+    gather::<W>(records, &[0, 1, 2, 3, 4, 5, 6, 7])
+}
+
+/// The inverse of [`gather`]; lanes that are not used repeat the last that is.
+#[inline(always)]
+pub(super) fn scatter<W: Wide>(records: &mut [Row], at: &[u32; LANES], columns: [W::F; LANES]) {
+    let rows = W::transpose(columns);
+    for lane in 0..LANES {
+        rows[lane].store(&mut records[at[lane] as usize]);
+    }
+}
+
+/// Columns as rows in memory.
+#[inline(always)]
+pub(super) fn rows<W: Wide>(columns: [W::F; LANES]) -> [Row; LANES] {
+    let columns = W::transpose(columns);
+    let mut rows = [Row::default(); LANES];
+    for lane in 0..LANES {
+        columns[lane].store(&mut rows[lane]);
+    }
+    rows
+}

@@ -1,0 +1,197 @@
+//! Vectors of three, a lane each, with the roundings of `glam` and of [`crate::math`].
+
+use super::{Float, Row, Wide};
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// Eight vectors.
+#[derive(Clone, Copy)]
+pub struct V3<W: Wide> {
+    /// First components.
+    pub x: W::F,
+    /// Second components.
+    pub y: W::F,
+    /// Third components.
+    pub z: W::F,
+}
+
+impl<W: Wide> V3<W> {
+    /// Of components.
+    #[inline(always)]
+    pub fn new(x: W::F, y: W::F, z: W::F) -> Self {
+        V3 { x, y, z }
+    }
+
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn splat(v: glam::Vec3) -> Self {
+        V3 {
+            x: W::F::splat(v.x),
+            y: W::F::splat(v.y),
+            z: W::F::splat(v.z),
+        }
+    }
+
+    /// From three rows of lanes.
+    #[inline(always)]
+    pub fn load(rows: &[Row; 3]) -> Self {
+        V3 {
+            x: W::F::load(&rows[0]),
+            y: W::F::load(&rows[1]),
+            z: W::F::load(&rows[2]),
+        }
+    }
+
+    /// To three rows of lanes.
+    #[inline(always)]
+    pub fn store(self, rows: &mut [Row; 3]) {
+        self.x.store(&mut rows[0]);
+        self.y.store(&mut rows[1]);
+        self.z.store(&mut rows[2]);
+    }
+
+    /// Scalar product, summed from x to z.
+    #[inline(always)]
+    pub fn dot(self, b: Self) -> W::F {
+        self.x * b.x + self.y * b.y + self.z * b.z
+    }
+
+    /// Vector product.
+    #[inline(always)]
+    pub fn cross(self, b: Self) -> Self {
+        V3 {
+            x: self.y * b.z - b.y * self.z,
+            y: self.z * b.x - b.z * self.x,
+            z: self.x * b.y - b.x * self.y,
+        }
+    }
+
+    /// With length 1.
+    #[inline(always)]
+    pub fn normalized(self) -> Self {
+        self * (W::F::splat(1.0) / self.dot(self).sqrt())
+    }
+
+    /// Component by component.
+    #[inline(always)]
+    pub fn times(self, b: Self) -> Self {
+        V3 {
+            x: self.x * b.x,
+            y: self.y * b.y,
+            z: self.z * b.z,
+        }
+    }
+
+    /// The largest component.
+    #[inline(always)]
+    pub fn max_element(self) -> W::F {
+        self.x.max(self.y.max(self.z))
+    }
+
+    /// The largest magnitude of a component.
+    #[inline(always)]
+    pub fn largest(self) -> W::F {
+        self.x.abs().max(self.y.abs()).max(self.z.abs())
+    }
+
+    /// `yes` where `mask`, else `no`.
+    #[inline(always)]
+    pub fn select(mask: W::M, yes: Self, no: Self) -> Self {
+        V3 {
+            x: W::F::select(mask, yes.x, no.x),
+            y: W::F::select(mask, yes.y, no.y),
+            z: W::F::select(mask, yes.z, no.z),
+        }
+    }
+
+    /// Whether all components are zero.
+    #[inline(always)]
+    pub fn is_zero(self) -> W::M {
+        let zero = W::F::splat(0.0);
+        self.x.eq(zero) & self.y.eq(zero) & self.z.eq(zero)
+    }
+}
+
+impl<W: Wide> Add for V3<W> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        V3 {
+            x: self.x + b.x,
+            y: self.y + b.y,
+            z: self.z + b.z,
+        }
+    }
+}
+
+impl<W: Wide> Sub for V3<W> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        V3 {
+            x: self.x - b.x,
+            y: self.y - b.y,
+            z: self.z - b.z,
+        }
+    }
+}
+
+/// By a number a lane.
+impl<W: Wide> Mul<W::F> for V3<W> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, b: W::F) -> Self {
+        V3 {
+            x: self.x * b,
+            y: self.y * b,
+            z: self.z * b,
+        }
+    }
+}
+
+impl<W: Wide> Neg for V3<W> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        V3 {
+            x: -self.x,
+            y: -self.y,
+            z: -self.z,
+        }
+    }
+}
+
+/// Eight frames about normals; see [`crate::math::Frame::from_normal`].
+#[derive(Clone, Copy)]
+pub struct Frame3<W: Wide> {
+    s: V3<W>,
+    t: V3<W>,
+    n: V3<W>,
+}
+
+impl<W: Wide> Frame3<W> {
+    /// About unit vectors.
+    #[inline(always)]
+    pub fn from_normal(n: V3<W>) -> Self {
+        let one = W::F::splat(1.0);
+        let sign = super::copysign::<W>(one, n.z);
+        let a = W::F::splat(-1.0) / (sign + n.z);
+        let b = n.x * n.y * a;
+        Frame3 {
+            s: V3::new(one + sign * n.x * n.x * a, sign * b, -sign * n.x),
+            t: V3::new(b, sign + n.y * n.y * a, -n.y),
+            n,
+        }
+    }
+
+    /// World to local.
+    #[inline(always)]
+    pub fn to_local(self, v: V3<W>) -> V3<W> {
+        V3::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
+    }
+
+    /// Local to world.
+    #[inline(always)]
+    pub fn to_world(self, v: V3<W>) -> V3<W> {
+        self.s * v.x + self.t * v.y + self.n * v.z
+    }
+}

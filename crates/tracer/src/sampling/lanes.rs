@@ -1,0 +1,47 @@
+//! Warps of the unit square in lanes, with the roundings of their twins for one point.
+
+use crate::lanes::{Float, Wide};
+use crate::math::{COS, FRAC_PI_4, SIN};
+
+/// [`super::uniform_disk_concentric`], and the signed distance from the centre.
+#[inline(always)]
+pub(crate) fn concentric<W: Wide>(ux: W::F, uy: W::F) -> (W::F, W::F, W::F) {
+    let (zero, one, two) = (W::F::splat(0.0), W::F::splat(1.0), W::F::splat(2.0));
+    let x = two * ux - one;
+    let y = two * uy - one;
+    // Which coordinate of the square is the radius.
+    let wide = y.abs().lt(x.abs());
+    let r = W::F::select(wide, x, y);
+    let ratio = W::F::select(wide, y, x) / r;
+    let (sin, cos) = sin_cos_small::<W>(W::F::splat(FRAC_PI_4) * ratio);
+    let is_center = r.eq(zero);
+    let px = r * W::F::select(wide, cos, sin);
+    let py = r * W::F::select(wide, sin, cos);
+    (
+        W::F::select(is_center, zero, px),
+        W::F::select(is_center, zero, py),
+        W::F::select(is_center, zero, r),
+    )
+}
+
+/// [`super::cosine_hemisphere`].
+#[inline(always)]
+pub(crate) fn cosine_hemisphere<W: Wide>(ux: W::F, uy: W::F) -> (W::F, W::F, W::F) {
+    let one = W::F::splat(1.0);
+    let (x, y, r) = concentric::<W>(ux, uy);
+    let height2 = (one - r) * (one + r);
+    (x, y, height2.max(W::F::splat(0.0)).sqrt())
+}
+
+/// [`sin_cos_small`](crate::math::sin_cos_small).
+#[inline(always)]
+pub(crate) fn sin_cos_small<W: Wide>(x: W::F) -> (W::F, W::F) {
+    let [s0, s1, s2] = SIN;
+    let [c0, c1, c2] = COS;
+    let z = x * x;
+    let tail = W::F::splat(s0) + z * (W::F::splat(s1) + z * W::F::splat(s2));
+    let sin = x + x * z * tail;
+    let tail = W::F::splat(c0) + z * (W::F::splat(c1) + z * W::F::splat(c2));
+    let cos = (W::F::splat(1.0) - W::F::splat(0.5) * z) + z * z * tail;
+    (sin, cos)
+}
