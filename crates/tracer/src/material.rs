@@ -475,10 +475,11 @@ impl Materials {
 }
 
 impl Material {
-    /// The scattering function, where it takes nothing but the shading normal.
+    /// The scattering function, where it takes nothing but the shading normal (which for glass must be the
+    /// geometric one).
     pub(crate) fn plain_bsdf(&self) -> Option<&Bsdf<'static>> {
         let asks = self.needs_tangents || self.needs_coordinates || self.needs_footprint;
-        self.constant.as_ref().filter(|_| !asks && !self.refracts)
+        self.constant.as_ref().filter(|_| !asks)
     }
 
     /// The scattering function of a material that is no mix. `base` is the normal that maps give, before

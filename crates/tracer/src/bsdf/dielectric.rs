@@ -1,8 +1,10 @@
 //! Glass: reflection and refraction at a boundary between two clear media, smooth or with GGX facets
 //! [Walter07].
 
-use super::ggx::mirrored;
+use super::ggx::{GgxLanes, mirrored, mirrored_lanes};
+use super::lanes::{self, AimOf, Lanes, Params, Samples};
 use super::{BsdfSample, Ggx, fresnel_dielectric};
+use crate::lanes::{Float, Mask, Row, V3, Wide};
 use crate::math::{Rgb, dot, length, mean};
 use glam::{Vec2, Vec3};
 
@@ -179,5 +181,171 @@ impl Dielectric {
     pub(super) fn albedo(&self, wo: Vec3) -> Rgb {
         let (r, _) = fresnel_dielectric(wo.z.abs(), self.eta_from(wo));
         self.reflect_tint * r + self.transmit_tint * (1.0 - r)
+    }
+
+    /// For lanes: eta, the widths, the means of the tints; the tints.
+    pub(crate) fn params(&self) -> Params {
+        let (ax, ay) = self.ggx.widths();
+        let (mr, mt) = (mean(self.reflect_tint), mean(self.transmit_tint));
+        let ([r0, r1, r2], [t0, t1, t2]) =
+            (self.reflect_tint.to_array(), self.transmit_tint.to_array());
+        [
+            Row([self.eta, ax, ay, mr, mt, 0.0, 0.0, 0.0]),
+            Row([r0, r1, r2, t0, t1, t2, 0.0, 0.0]),
+        ]
+    }
+}
+
+/// Eight of them.
+#[derive(Clone, Copy)]
+pub(crate) struct DielectricLanes<W: Wide> {
+    eta: W::F,
+    ggx: GgxLanes<W>,
+    reflect_mean: W::F,
+    transmit_mean: W::F,
+    reflect_tint: V3<W>,
+    transmit_tint: V3<W>,
+}
+
+/// Eight of [`Split`].
+struct SplitLanes<W: Wide> {
+    r: W::F,
+    cos_t: W::F,
+    pr: W::F,
+    pt: W::F,
+    any: W::M,
+}
+
+impl<W: Wide> DielectricLanes<W> {
+    #[inline(always)]
+    fn eta_from(&self, wo: V3<W>) -> W::F {
+        let above = W::F::splat(0.0).lt(wo.z);
+        W::F::select(above, self.eta, W::F::splat(1.0) / self.eta)
+    }
+
+    #[inline(always)]
+    fn split(&self, cos: W::F, eta: W::F) -> SplitLanes<W> {
+        let (r, cos_t) = lanes::fresnel_dielectric::<W>(cos, eta);
+        let pr = r * self.reflect_mean;
+        let pt = (W::F::splat(1.0) - r) * self.transmit_mean;
+        let sum = pr + pt;
+        SplitLanes {
+            r,
+            cos_t,
+            pr: pr / sum,
+            pt: pt / sum,
+            any: !sum.le(W::F::splat(0.0)),
+        }
+    }
+}
+
+impl<W: Wide> Lanes<W> for DielectricLanes<W> {
+    const AIM: AimOf = AimOf::Anywhere;
+
+    #[inline(always)]
+    fn new([[eta, ax, ay, mr, mt, ..], [r0, r1, r2, t0, t1, t2, ..]]: [[W::F; 8]; 2]) -> Self {
+        DielectricLanes {
+            eta,
+            ggx: GgxLanes { ax, ay },
+            reflect_mean: mr,
+            transmit_mean: mt,
+            reflect_tint: V3::new(r0, r1, r2),
+            transmit_tint: V3::new(t0, t1, t2),
+        }
+    }
+
+    #[inline(always)]
+    fn is_delta(&self) -> W::M {
+        self.ggx.is_smooth()
+    }
+
+    #[inline(always)]
+    fn eval_pdf(&self, wo: V3<W>, wi: V3<W>) -> (V3<W>, W::F) {
+        let (zero, one, two) = (W::F::splat(0.0), W::F::splat(1.0), W::F::splat(2.0));
+        let least = W::F::splat(1e-16);
+        let nothing = self.is_delta() | wo.z.abs().lt(least) | wi.z.abs().lt(least);
+        let eta = self.eta_from(wo);
+        let (o, i) = (zero.lt(wo.z), zero.lt(wi.z));
+        let reflected = (o & i) | (!o & !i);
+        let (wo, wi) = lanes::upright(wo, wi);
+        // Reflection.
+        let (f_r, pdf_r, cos_r) = self.ggx.reflection(wo, wi);
+        // Transmission.
+        let h = wo + wi * eta;
+        let len = h.length();
+        let side = W::F::select(h.z.lt(zero), W::F::splat(-1.0), one);
+        let m = h * (side / len);
+        let (cos_o, cos_i) = (wo.dot(m), wi.dot(m));
+        let lost = len.eq(zero) | cos_o.le(zero) | zero.le(cos_i);
+        let split = self.split(W::F::select(reflected, cos_r, cos_o), eta);
+        let (lo, li) = (self.ggx.l(wo), self.ggx.l(wi));
+        let zi = -wi.z;
+        let denom = cos_i + cos_o / eta;
+        let dm = self.ggx.d(m) * cos_o * -cos_i / (denom * denom);
+        let f_t = dm * (one - split.r) * two * zi / ((zi * lo + wo.z * li) * eta * eta);
+        let pdf_t = dm * split.pt * two / (wo.z + lo);
+        let nothing = nothing | !split.any | (!reflected & lost);
+        let f = V3::select(
+            reflected,
+            self.reflect_tint * (f_r * split.r),
+            self.transmit_tint * f_t,
+        );
+        let pdf = W::F::select(reflected, pdf_r * split.pr, pdf_t);
+        (
+            V3::select(nothing, V3::new(zero, zero, zero), f),
+            W::F::select(nothing, zero, pdf),
+        )
+    }
+
+    #[inline(always)]
+    fn sample(&self, wo: V3<W>, lobe: W::F, u: (W::F, W::F)) -> Samples<W> {
+        let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
+        let eta = self.eta_from(wo);
+        let up = wo.with_z(wo.z.abs());
+        let delta = self.is_delta();
+        let all_delta = (!delta).to_bits() == 0;
+        let flat = V3::new(zero, zero, one);
+        let m = if all_delta {
+            flat
+        } else {
+            V3::select(delta, flat, self.ggx.sample_visible(up, u))
+        };
+        let cos = up.dot(m);
+        let split = self.split(cos, eta);
+        let transmitted = split.pr.le(lobe);
+        let refracted = m * (cos / eta - split.cos_t) - up * (one / eta);
+        let wi = V3::select(transmitted, refracted, mirrored_lanes(up, m));
+        let below = wi.z.lt(zero);
+        let astray = wi.z.eq(zero) | (below & !transmitted) | (!below & transmitted);
+        let scale_t = (one - split.r) / (split.pt * eta * eta);
+        let scale_r = split.r / split.pr;
+        let scale = W::F::select(transmitted, scale_t, scale_r);
+        let tint = V3::select(transmitted, self.transmit_tint, self.reflect_tint);
+        let shadowing = if all_delta {
+            one
+        } else {
+            let shadowing = self.ggx.shadowing(up, wi.with_z(wi.z.abs()));
+            W::F::select(delta, one, shadowing)
+        };
+        let weight = tint * (scale * shadowing);
+        let wi = lanes::to_side_of(wo, wi);
+        let mut pdf = W::F::select(transmitted, split.pt, split.pr);
+        if !all_delta {
+            pdf = W::F::select(delta, pdf, self.eval_pdf(wo, wi).1);
+        }
+        Samples {
+            wi,
+            weight,
+            pdf,
+            eta: W::F::select(transmitted, eta, one),
+            delta,
+            any: !wo.z.eq(zero) & split.any & !astray & !pdf.le(zero),
+        }
+    }
+
+    #[inline(always)]
+    fn albedo(&self, wo: V3<W>) -> V3<W> {
+        let (r, _) = lanes::fresnel_dielectric::<W>(wo.z.abs(), self.eta_from(wo));
+        self.reflect_tint * r + self.transmit_tint * (W::F::splat(1.0) - r)
     }
 }

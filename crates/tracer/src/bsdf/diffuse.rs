@@ -1,8 +1,10 @@
 //! Lambert: the same radiance in all directions.
 
+use super::lanes::{self, AimOf, Lanes, Params, Samples};
 use super::{BsdfSample, above, to_side_of};
+use crate::lanes::{Float, Mask, Row, V3, Wide};
 use crate::math::{INV_PI, Rgb};
-use crate::sampling::cosine_hemisphere;
+use crate::sampling::{self, cosine_hemisphere};
 use glam::{Vec2, Vec3};
 
 /// f = r / pi.
@@ -41,6 +43,61 @@ impl Diffuse {
     /// The albedo.
     #[inline]
     pub(crate) fn albedo(&self) -> Rgb {
+        self.r
+    }
+
+    /// For lanes: the albedo.
+    pub(crate) fn params(&self) -> Params {
+        let [r, g, b] = self.r.to_array();
+        [Row([r, g, b, 0.0, 0.0, 0.0, 0.0, 0.0]), Row::default()]
+    }
+}
+
+/// Eight of them.
+#[derive(Clone, Copy)]
+pub(crate) struct DiffuseLanes<W: Wide> {
+    r: V3<W>,
+}
+
+impl<W: Wide> Lanes<W> for DiffuseLanes<W> {
+    const AIM: AimOf = AimOf::Normal;
+
+    #[inline(always)]
+    fn new([[r, g, b, ..], _]: [[W::F; 8]; 2]) -> Self {
+        DiffuseLanes {
+            r: V3::new(r, g, b),
+        }
+    }
+
+    #[inline(always)]
+    fn is_delta(&self) -> W::M {
+        W::M::from_bits(0)
+    }
+
+    #[inline(always)]
+    fn eval_pdf(&self, wo: V3<W>, wi: V3<W>) -> (V3<W>, W::F) {
+        let zero = W::F::splat(0.0);
+        let pdf = wi.z.abs() * W::F::splat(INV_PI);
+        let pdf = W::F::select((wo.z * wi.z).le(zero), zero, pdf);
+        (self.r * pdf, pdf)
+    }
+
+    #[inline(always)]
+    fn sample(&self, wo: V3<W>, _: W::F, (ux, uy): (W::F, W::F)) -> Samples<W> {
+        let (x, y, z) = sampling::lanes::cosine_hemisphere::<W>(ux, uy);
+        let wi = lanes::to_side_of(wo, V3::new(x, y, z));
+        Samples {
+            wi,
+            weight: self.r,
+            pdf: z * W::F::splat(INV_PI),
+            eta: W::F::splat(1.0),
+            delta: W::M::from_bits(0),
+            any: !(wo.z * wi.z).le(W::F::splat(0.0)),
+        }
+    }
+
+    #[inline(always)]
+    fn albedo(&self, _: V3<W>) -> V3<W> {
         self.r
     }
 }

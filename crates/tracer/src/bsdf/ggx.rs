@@ -7,7 +7,9 @@
 //! G1(o) = 2 o.z / (o.z + l(o)), G(o, i) = 1 / (1 + Lambda(o) + Lambda(i)) = 2 o.z i.z / (i.z l(o) + o.z l(i)).
 //! Directions in this file lie above; of a transmitted direction only z counts, so it may be mirrored.
 
+use crate::lanes::{Float, V3, Wide};
 use crate::math::{INV_PI, length, normalize, safe_sqrt, sin_cos_2pi};
+use crate::sampling;
 use glam::{Vec2, Vec3};
 
 /// Below this width a surface counts as perfectly smooth.
@@ -125,4 +127,75 @@ impl Ggx {
 pub(super) fn mirrored(w: Vec3, m: Vec3) -> Vec3 {
     let d = w.x * m.x + w.y * m.y + w.z * m.z;
     m * (2.0 * d) - w
+}
+
+/// Eight distributions.
+#[derive(Clone, Copy)]
+pub(super) struct GgxLanes<W: Wide> {
+    pub ax: W::F,
+    pub ay: W::F,
+}
+
+impl<W: Wide> GgxLanes<W> {
+    #[inline(always)]
+    pub fn is_smooth(&self) -> W::M {
+        self.ax.eq(W::F::splat(0.0))
+    }
+
+    /// See [`Ggx::d`].
+    #[inline(always)]
+    pub fn d(&self, m: V3<W>) -> W::F {
+        let x = m.x / self.ax;
+        let y = m.y / self.ay;
+        let e = x * x + y * y + m.z * m.z;
+        W::F::splat(INV_PI) / (self.ax * self.ay * e * e)
+    }
+
+    /// See [`Ggx::l`].
+    #[inline(always)]
+    pub fn l(&self, w: V3<W>) -> W::F {
+        let x = self.ax * w.x;
+        let y = self.ay * w.y;
+        (x * x + y * y + w.z * w.z).sqrt()
+    }
+
+    /// See [`Ggx::sample_visible`].
+    #[inline(always)]
+    pub fn sample_visible(&self, wo: V3<W>, (ux, uy): (W::F, W::F)) -> V3<W> {
+        let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
+        let stretched = V3::<W>::new(self.ax * wo.x, self.ay * wo.y, wo.z).normalized();
+        let (sin_phi, cos_phi) = sampling::lanes::sin_cos_2pi::<W>(ux);
+        let z = (one - uy) * (one + stretched.z) - stretched.z;
+        let sin = ((one - z) * (one + z)).max(zero).sqrt();
+        let h = V3::<W>::new(sin * cos_phi, sin * sin_phi, z) + stretched;
+        V3::<W>::new(self.ax * h.x, self.ay * h.y, h.z.max(W::F::splat(1e-6))).normalized()
+    }
+
+    /// See [`Ggx::reflection`].
+    #[inline(always)]
+    pub fn reflection(&self, wo: V3<W>, wi: V3<W>) -> (W::F, W::F, W::F) {
+        let half = W::F::splat(0.5);
+        let m = (wo + wi).normalized();
+        let d = self.d(m);
+        let (lo, li) = (self.l(wo), self.l(wi));
+        (
+            half * d * wi.z / (wi.z * lo + wo.z * li),
+            half * d / (wo.z + lo),
+            wo.dot(m),
+        )
+    }
+
+    /// See [`Ggx::shadowing`].
+    #[inline(always)]
+    pub fn shadowing(&self, wo: V3<W>, wi: V3<W>) -> W::F {
+        let (lo, li) = (self.l(wo), self.l(wi));
+        wi.z * (wo.z + lo) / (wi.z * lo + wo.z * li)
+    }
+}
+
+/// [`mirrored`] in lanes.
+#[inline(always)]
+pub(super) fn mirrored_lanes<W: Wide>(w: V3<W>, m: V3<W>) -> V3<W> {
+    let d = w.dot(m);
+    m * (W::F::splat(2.0) * d) - w
 }

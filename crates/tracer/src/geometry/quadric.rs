@@ -87,6 +87,12 @@ impl Quadric {
         quadric
     }
 
+    /// Centre and radius in the space of the tree, if it is a sphere there whose centre is exactly where its
+    /// own origin comes to lie.
+    pub(crate) fn round(&self) -> Option<(Vec3, f32)> {
+        self.round.filter(|(center, _)| *center == self.to_parent.t)
+    }
+
     /// Up to two parameters of intersection, rising; NaN or a negative number where there is none.
     #[inline(always)]
     pub fn intersect(&self, origin: Vec3, direction: Vec3) -> [f32; 2] {

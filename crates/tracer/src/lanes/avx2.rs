@@ -180,6 +180,11 @@ impl Float for F {
         // SAFETY: see the head of the module.
         F(unsafe { _mm256_cvtepi32_ps(x.0) })
     }
+    #[inline(always)]
+    fn to_int(self) -> I {
+        // SAFETY: see the head of the module.
+        I(unsafe { _mm256_cvttps_epi32(self.0) })
+    }
 }
 
 impl Int for I {
@@ -193,11 +198,6 @@ impl Int for I {
     fn load(from: &[u32; LANES]) -> Self {
         // SAFETY: see the head of the module.
         I(unsafe { _mm256_loadu_si256(from.as_ptr().cast()) })
-    }
-    #[inline(always)]
-    fn shl<const BY: i32>(self) -> Self {
-        // SAFETY: see the head of the module.
-        I(unsafe { _mm256_slli_epi32::<BY>(self.0) })
     }
     #[inline(always)]
     fn shr<const BY: i32>(self) -> Self {

@@ -82,6 +82,8 @@ pub trait Float:
     fn from_bits(bits: Self::I) -> Self;
     /// From signed integers, rounded to nearest.
     fn from_int(x: Self::I) -> Self;
+    /// To signed integers, cut off; the value must fit.
+    fn to_int(self) -> Self::I;
 }
 
 /// Lanes of 32-bit integers; arithmetic wraps.
@@ -99,8 +101,6 @@ pub trait Int:
     fn splat(x: u32) -> Self;
     /// From memory.
     fn load(from: &[u32; LANES]) -> Self;
-    /// Shifted left.
-    fn shl<const BY: i32>(self) -> Self;
     /// Shifted right, zeros coming in.
     fn shr<const BY: i32>(self) -> Self;
     /// a == b

@@ -132,6 +132,10 @@ impl Float for F {
     fn from_int(x: I) -> Self {
         F(x.0.map(|x| x as i32 as f32))
     }
+    #[inline(always)]
+    fn to_int(self) -> I {
+        I(self.0.map(|x| x as i32 as u32))
+    }
 }
 
 impl Int for I {
@@ -143,10 +147,6 @@ impl Int for I {
     #[inline(always)]
     fn load(from: &[u32; LANES]) -> Self {
         I(*from)
-    }
-    #[inline(always)]
-    fn shl<const BY: i32>(self) -> Self {
-        I(self.0.map(|x| x << BY))
     }
     #[inline(always)]
     fn shr<const BY: i32>(self) -> Self {

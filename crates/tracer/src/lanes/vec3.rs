@@ -65,10 +65,22 @@ impl<W: Wide> V3<W> {
         }
     }
 
+    /// Euclidean length.
+    #[inline(always)]
+    pub fn length(self) -> W::F {
+        self.dot(self).sqrt()
+    }
+
+    /// With another third component.
+    #[inline(always)]
+    pub fn with_z(self, z: W::F) -> Self {
+        V3 { z, ..self }
+    }
+
     /// With length 1.
     #[inline(always)]
     pub fn normalized(self) -> Self {
-        self * (W::F::splat(1.0) / self.dot(self).sqrt())
+        self * (W::F::splat(1.0) / self.length())
     }
 
     /// Component by component.

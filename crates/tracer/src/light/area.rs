@@ -111,7 +111,10 @@ pub enum AreaShape {
 }
 
 /// Below this 1 - cos a cone is so narrow that its sphere is sampled like a distant disk.
-const CONE_MIN: f32 = 1e-9;
+pub(crate) const CONE_MIN: f32 = 1e-9;
+
+/// A point counts as inside of a sphere up to this square of the distance over that of the radius.
+pub(crate) const INSIDE: f32 = 1.000_01;
 
 impl AreaLight {
     /// Surface area.
@@ -329,7 +332,7 @@ impl AreaLight {
 fn cone(center: Vec3, radius: f32, from: Vec3) -> Option<f32> {
     let d = center - from;
     let (d2, r2) = (d.dot(d), radius * radius);
-    if d2 <= r2 * 1.000_01 {
+    if d2 <= r2 * INSIDE {
         return None;
     }
     let sin2 = r2 / d2;

@@ -9,6 +9,7 @@ mod portal;
 mod tree;
 
 pub use area::{AreaLight, AreaShape, Emission};
+pub(crate) use area::{CONE_MIN, INSIDE};
 pub use cluster::Aim;
 pub use pictured::{Goniometric, Projection};
 

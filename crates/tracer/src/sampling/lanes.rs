@@ -1,7 +1,7 @@
 //! Warps of the unit square in lanes, with the roundings of their twins for one point.
 
-use crate::lanes::{Float, Wide};
-use crate::math::{COS, FRAC_PI_4, SIN};
+use crate::lanes::{Float, Int, V3, Wide};
+use crate::math::{COS, FRAC_PI_4, SIN, TWO_PI};
 
 /// [`super::uniform_disk_concentric`], and the signed distance from the centre.
 #[inline(always)]
@@ -44,4 +44,30 @@ pub(crate) fn sin_cos_small<W: Wide>(x: W::F) -> (W::F, W::F) {
     let tail = W::F::splat(c0) + z * (W::F::splat(c1) + z * W::F::splat(c2));
     let cos = (W::F::splat(1.0) - W::F::splat(0.5) * z) + z * z * tail;
     (sin, cos)
+}
+
+/// [`sin_cos_2pi`](crate::math::sin_cos_2pi).
+#[inline(always)]
+pub(crate) fn sin_cos_2pi<W: Wide>(u: W::F) -> (W::F, W::F) {
+    let (none, one, two) = (W::I::splat(0), W::I::splat(1), W::I::splat(2));
+    let quarter = (u * W::F::splat(4.0) + W::F::splat(0.5)).to_int();
+    let left = u - W::F::splat(0.25) * W::F::from_int(quarter);
+    let (s, c) = sin_cos_small::<W>(left * W::F::splat(TWO_PI));
+    let is_even = (quarter & one).eq(none);
+    let sin = W::F::select(is_even, s, c);
+    let cos = W::F::select(is_even, c, s);
+    let sin = W::F::select((quarter & two).eq(none), sin, -sin);
+    let cos = W::F::select(((quarter + one) & two).eq(none), cos, -cos);
+    (sin, cos)
+}
+
+/// [`super::uniform_cone`].
+#[inline(always)]
+pub(crate) fn uniform_cone<W: Wide>(ux: W::F, uy: W::F, one_minus_cos: W::F) -> V3<W> {
+    let zero = W::F::splat(0.0);
+    let h = ux * one_minus_cos;
+    let z = W::F::splat(1.0) - h;
+    let sin = (h * (W::F::splat(2.0) - h)).max(zero).sqrt();
+    let (s, c) = sin_cos_2pi::<W>(uy);
+    V3::new(sin * c, sin * s, z)
 }

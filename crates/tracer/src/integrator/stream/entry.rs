@@ -3,7 +3,7 @@
 #![allow(unsafe_code)]
 
 use super::paths::{Paths, Place};
-use super::{Wave, camera, diffuse, find, finish, numbers};
+use super::{Wave, camera, find, finish, numbers, scatter};
 use crate::SimdLevel;
 use crate::lanes::Plain;
 use film::SampleBuffer;
@@ -20,16 +20,10 @@ macro_rules! entry {
                 fn avx2(wave: &Wave, paths: &mut Paths, $arg: $type) -> $ret {
                     $module::$stage::<Avx2>(wave, paths, $arg)
                 }
-                #[target_feature(enable = "avx2,avx512f,avx512vl")]
-                fn avx512(wave: &Wave, paths: &mut Paths, $arg: $type) -> $ret {
-                    $module::$stage::<Avx2>(wave, paths, $arg)
-                }
-                match level {
-                    // SAFETY: `SimdLevel::available` has found the features on this processor.
-                    SimdLevel::Avx512 => return unsafe { avx512(wave, paths, $arg) },
-                    // SAFETY: as above.
-                    SimdLevel::Avx2 => return unsafe { avx2(wave, paths, $arg) },
-                    SimdLevel::Sse2 | SimdLevel::Scalar => {}
+                // AVX-512 would bring nothing but its wider copies, which slow the clock down.
+                if level >= SimdLevel::Avx2 {
+                    // SAFETY: `SimdLevel::available` has found the feature on this processor.
+                    return unsafe { avx2(wave, paths, $arg) };
                 }
             }
             let _ = level;
@@ -43,16 +37,32 @@ entry! {
     lattice, numbers::lattice, places: &[Place], ()
 }
 entry! {
-    /// See [`find::find`].
-    find, find::find, places: &[Place], ()
+    /// See [`find::find_meshes`].
+    find_meshes, find::find_meshes, places: &[Place], ()
 }
 entry! {
     /// See [`find::find_flat`].
     find_flat, find::find_flat, places: &[Place], ()
 }
 entry! {
-    /// See [`diffuse::scatter`].
-    scatter_diffuse, diffuse::scatter, places: &[Place], ()
+    /// See [`find::find_spheres`].
+    find_spheres, find::find_spheres, places: &[Place], ()
+}
+entry! {
+    /// See [`scatter::diffuse`].
+    scatter_diffuse, scatter::diffuse, places: &[Place], ()
+}
+entry! {
+    /// See [`scatter::conductor`].
+    scatter_conductor, scatter::conductor, places: &[Place], ()
+}
+entry! {
+    /// See [`scatter::dielectric`].
+    scatter_dielectric, scatter::dielectric, places: &[Place], ()
+}
+entry! {
+    /// See [`scatter::aim_conductor`].
+    aim_conductor, scatter::aim_conductor, places: &[Place], ()
 }
 entry! {
     /// See [`camera::rays`].

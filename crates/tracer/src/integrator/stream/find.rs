@@ -1,4 +1,4 @@
-//! Points on plain triangles, in lanes: what [`Interaction::find`](crate::geometry::Interaction::find)
+//! Points on surfaces, in lanes: what [`Interaction::find`](crate::geometry::Interaction::find)
 //! does for them.
 
 use super::Wave;
@@ -6,7 +6,7 @@ use super::paths::{self, Group, Paths, Place};
 use crate::geometry::interaction::{ROUNDING, ROUNDING_OF_CORNERS};
 use crate::lanes::{Float, LANES, Mask, Row, V3, Wide};
 
-/// Works out the vertices of hits on flat triangles that have records.
+/// Works out the vertices of hits on triangles that have records.
 #[inline(always)]
 pub(super) fn find_flat<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
     let tables = &wave.scene.stream;
@@ -44,16 +44,56 @@ pub(super) fn find_flat<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place
     }
 }
 
-/// Works out the vertices of hits on plain surfaces.
+/// Works out the vertices of hits on spheres.
 #[inline(always)]
-pub(super) fn find<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+pub(super) fn find_spheres<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+    let tables = &wave.scene.stream;
+    for places in places.chunks(LANES) {
+        let group = Group::new(places);
+        let mut records = [[Row::default(); LANES]; 2];
+        let mut t = Row::default();
+        for lane in 0..LANES {
+            let hit = paths.hit_of(group.rays[lane]);
+            let record = tables.record(hit.prim);
+            records[0][lane] = record.0[0];
+            records[1][lane] = record.0[1];
+            t.0[lane] = hit.t;
+        }
+        let [cx, cy, cz, radius, side, ..] = paths::columns::<W>(&records[0]);
+        let [.., r, g, b] = paths::columns::<W>(&records[1]);
+        let [ox, oy, oz, dx, dy, dz, ..] = paths::gather::<W>(paths.rays(), &group.rays);
+        let center = V3::<W>::new(cx, cy, cz);
+        let (o, d) = (V3::<W>::new(ox, oy, oz), V3::<W>::new(dx, dy, dz));
+        let n = (o + d * W::F::load(&t) - center).normalized();
+        let p = center + n * radius;
+        let turned = side.lt(W::F::splat(0.0));
+        let n = V3::select(turned, -n, n);
+        let error =
+            (p.largest() + center.largest() + (p - center).largest()) * W::F::splat(ROUNDING);
+        let zero = W::F::splat(0.0);
+        paths::scatter::<W>(
+            &mut paths.point,
+            &group.slots,
+            [p.x, p.y, p.z, error, n.x, n.y, n.z, zero],
+        );
+        paths::scatter::<W>(
+            &mut paths.surface,
+            &group.slots,
+            [n.x, n.y, n.z, r, g, b, zero, zero],
+        );
+    }
+}
+
+/// Works out the vertices of hits on meshes.
+#[inline(always)]
+pub(super) fn find_meshes<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
     let geometry = &wave.scene.geometry;
     for places in places.chunks(LANES) {
         let group = Group::new(places);
         let mut corners = [[Row::default(); 3]; 3];
         let mut normals = [[Row::default(); 3]; 3];
         let (mut u, mut v) = (Row::default(), Row::default());
-        let mut albedo = [Row::default(); 3];
+        let mut given = [Row::default(); 3];
         let (mut flipped, mut smooth) = (0, 0);
         for lane in 0..LANES {
             let hit = paths.hit_of(group.rays[lane]);
@@ -76,10 +116,10 @@ pub(super) fn find<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
             }
             u.0[lane] = hit.u;
             v.0[lane] = hit.v;
-            let r = wave.scene.stream.albedo(at.surface);
-            albedo[0].0[lane] = r.x;
-            albedo[1].0[lane] = r.y;
-            albedo[2].0[lane] = r.z;
+            let r = wave.scene.stream.given(at.surface);
+            given[0].0[lane] = r.x;
+            given[1].0[lane] = r.y;
+            given[2].0[lane] = r.z;
             flipped |= (surface.flip as u32) << lane;
             smooth |= (is_smooth as u32) << lane;
         }
@@ -114,11 +154,11 @@ pub(super) fn find<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
             &group.slots,
             [p.x, p.y, p.z, error, ng.x, ng.y, ng.z, zero],
         );
-        let albedo = V3::<W>::load(&albedo);
+        let given = V3::<W>::load(&given);
         paths::scatter::<W>(
             &mut paths.surface,
             &group.slots,
-            [ns.x, ns.y, ns.z, albedo.x, albedo.y, albedo.z, zero, zero],
+            [ns.x, ns.y, ns.z, given.x, given.y, given.z, zero, zero],
         );
     }
 }

@@ -2,9 +2,11 @@
 
 use super::Wave;
 use super::paths::{Group, Paths, Place};
-use super::tables::FlatLight;
-use crate::lanes::{Float, LANES, Mask, Row, V3, Wide};
-use crate::light::Aim;
+use super::tables::{Lamp, Model};
+use crate::lanes::{Float, Frame3, LANES, Mask, Row, V3, Wide};
+use crate::light::{Aim, CONE_MIN, INSIDE};
+use crate::math::TWO_PI;
+use crate::sampling;
 use glam::{Vec2, Vec3};
 
 /// Light from a sampled point or direction, see [`LightSample`](crate::light::LightSample).
@@ -28,8 +30,8 @@ pub(super) struct Arriving<W: Wide> {
 /// No light.
 const DARK: u32 = u32::MAX;
 
-/// Chooses a light for each diffuse vertex, unless there is only one.
-pub(super) fn choose(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+/// Chooses a light for each vertex, unless there is only one.
+pub(super) fn choose(wave: &Wave, paths: &mut Paths, model: Model, places: &[Place]) {
     let scene = wave.scene;
     if scene.stream.only().is_some() {
         return;
@@ -38,7 +40,11 @@ pub(super) fn choose(wave: &Wave, paths: &mut Paths, places: &[Place]) {
         let slot = place.slot as usize;
         let [x, y, z, ..] = paths.point[slot].0;
         let [nx, ny, nz, ..] = paths.surface[slot].0;
-        let aim = Aim::cosine(Vec3::new(nx, ny, nz));
+        let aim = match model {
+            Model::Diffuse => Aim::cosine(Vec3::new(nx, ny, nz)),
+            Model::Conductor => paths.last_aim(*place),
+            _ => Aim::ANYWHERE,
+        };
         let u = paths.numbers[slot].0[4];
         let (light, pmf) = scene
             .lights
@@ -62,14 +68,23 @@ pub(super) fn sample<W: Wide>(
     let tables = &wave.scene.stream;
     let one = W::F::splat(1.0);
     if let Some(light) = tables.only() {
-        let arriving = match tables.flat_light(light) {
-            Some(flat) => {
+        let arriving = match tables.lamp(light) {
+            Some(lamp) => {
                 let same = [
-                    spread::<W>(flat, 0),
-                    spread::<W>(flat, 1),
-                    spread::<W>(flat, 2),
+                    spread::<W>(lamp, 0),
+                    spread::<W>(lamp, 1),
+                    spread::<W>(lamp, 2),
                 ];
-                flat_lights::<W>(same, from, u)
+                lamps::<W>(
+                    wave,
+                    paths,
+                    group,
+                    [light; LANES],
+                    lamp.is_sphere,
+                    same,
+                    from,
+                    u,
+                )
             }
             None => one_by_one::<W>(wave, paths, group, [light; LANES]),
         };
@@ -77,14 +92,16 @@ pub(super) fn sample<W: Wide>(
     }
     let mut lights = [DARK; LANES];
     let mut pmf = Row::default();
-    let mut flat = [None; LANES];
+    let mut chosen = [None; LANES];
+    let mut spheres = 0;
     for lane in 0..LANES {
         let slot = group.slots[lane] as usize;
         pmf.0[lane] = paths.point[slot].0[7];
         lights[lane] = paths.surface[slot].0[6].to_bits();
         if lights[lane] != DARK {
-            flat[lane] = tables.flat_light(lights[lane]);
+            chosen[lane] = tables.lamp(lights[lane]);
         }
+        spheres += chosen[lane].is_some_and(|l| l.is_sphere) as usize;
     }
     let pmf = W::F::load(&pmf);
     let [
@@ -96,26 +113,96 @@ pub(super) fn sample<W: Wide>(
         Some(f),
         Some(g),
         Some(h),
-    ] = flat
+    ] = chosen
     else {
         return (one_by_one::<W>(wave, paths, group, lights), pmf);
     };
-    let lights = [a, b, c, d, e, f, g, h];
+    if spheres % LANES != 0 {
+        return (one_by_one::<W>(wave, paths, group, lights), pmf);
+    }
+    let chosen = [a, b, c, d, e, f, g, h];
     let columns = [
-        columns::<W>(lights, 0),
-        columns::<W>(lights, 1),
-        columns::<W>(lights, 2),
+        columns::<W>(chosen, 0),
+        columns::<W>(chosen, 1),
+        columns::<W>(chosen, 2),
     ];
-    (flat_lights::<W>(columns, from, u), pmf)
+    let are_spheres = spheres == LANES;
+    let arriving = lamps::<W>(wave, paths, group, lights, are_spheres, columns, from, u);
+    (arriving, pmf)
+}
+
+/// Lamps that are all flat or all spheres.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn lamps<W: Wide>(
+    wave: &Wave,
+    paths: &Paths,
+    group: &Group,
+    lights: [u32; LANES],
+    are_spheres: bool,
+    columns: [[W::F; LANES]; 3],
+    from: V3<W>,
+    u: (W::F, W::F),
+) -> Arriving<W> {
+    if !are_spheres {
+        return flat::<W>(columns, from, u);
+    }
+    let (arriving, outside) = spheres::<W>(columns, from, u);
+    if (!outside).to_bits() & group.used != 0 {
+        return one_by_one::<W>(wave, paths, group, lights);
+    }
+    arriving
+}
+
+/// The same for spheres that fill a cone; and where they do, as they do from outside.
+#[inline(always)]
+fn spheres<W: Wide>(
+    lights: [[W::F; LANES]; 3],
+    from: V3<W>,
+    (ux, uy): (W::F, W::F),
+) -> (Arriving<W>, W::M) {
+    let [cx, cy, cz, radius, ..] = lights[0];
+    let [.., r, g, b] = lights[1];
+    let [inward, two_sided, unseen, ..] = lights[2];
+    let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
+    let center = V3::<W>::new(cx, cy, cz);
+    let d = center - from;
+    let (d2, r2) = (d.dot(d), radius * radius);
+    let outside = !d2.le(r2 * W::F::splat(INSIDE));
+    let sin2 = r2 / d2;
+    let one_minus_cos = sin2 / (one + (one - sin2).sqrt());
+    let one_minus_cos = one_minus_cos.max(W::F::splat(CONE_MIN));
+    let distance = d.length();
+    let frame = Frame3::<W>::from_normal(d * (one / distance));
+    let local = sampling::lanes::uniform_cone::<W>(ux, uy, one_minus_cos);
+    let wi = frame.to_world(local);
+    let sin2 = (one - local.z * local.z).max(zero);
+    let height2 = radius * radius - distance * distance * sin2;
+    let t = distance * local.z - height2.max(zero).sqrt();
+    let on = from + wi * t;
+    let n = (on - center).normalized();
+    let q = center + n * radius;
+    let pdf = one / (W::F::splat(TWO_PI) * one_minus_cos);
+    let n = (q - center).normalized() * inward;
+    let cos = -n.dot(wi);
+    let shines = zero.lt(cos) | (zero.lt(two_sided) & cos.lt(zero));
+    let li = V3::<W>::new(r, g, b);
+    let any = shines & !li.is_zero() & zero.lt(pdf) & pdf.lt(W::F::splat(f32::INFINITY));
+    let arriving = Arriving {
+        wi,
+        target: q,
+        at_infinity: W::M::from_bits(0),
+        li,
+        pdf,
+        is_delta: zero.lt(unseen),
+        any,
+    };
+    (arriving, outside)
 }
 
 /// [`AreaLight::sample_li`](crate::light::AreaLight::sample_li) for flat lights.
 #[inline(always)]
-fn flat_lights<W: Wide>(
-    lights: [[W::F; LANES]; 3],
-    from: V3<W>,
-    (ux, uy): (W::F, W::F),
-) -> Arriving<W> {
+fn flat<W: Wide>(lights: [[W::F; LANES]; 3], from: V3<W>, (ux, uy): (W::F, W::F)) -> Arriving<W> {
     let [px, py, pz, ax, ay, az, bx, by] = lights[0];
     let [bz, nx, ny, nz, pdf_area, r, g, b] = lights[1];
     let [is_triangle, two_sided, unseen, ..] = lights[2];
@@ -152,7 +239,7 @@ fn flat_lights<W: Wide>(
 
 /// The columns of eight times the same light.
 #[inline(always)]
-fn spread<W: Wide>(light: &FlatLight, row: usize) -> [W::F; LANES] {
+fn spread<W: Wide>(light: &Lamp, row: usize) -> [W::F; LANES] {
     let mut columns = [W::F::splat(0.0); LANES];
     for (column, x) in columns.iter_mut().zip(light.rows[row].0) {
         *column = W::F::splat(x);
@@ -162,7 +249,7 @@ fn spread<W: Wide>(light: &FlatLight, row: usize) -> [W::F; LANES] {
 
 /// The columns of eight lights.
 #[inline(always)]
-fn columns<W: Wide>(lights: [&FlatLight; LANES], row: usize) -> [W::F; LANES] {
+fn columns<W: Wide>(lights: [&Lamp; LANES], row: usize) -> [W::F; LANES] {
     W::transpose([
         W::F::load(&lights[0].rows[row]),
         W::F::load(&lights[1].rows[row]),

@@ -8,13 +8,13 @@
 //! however samples are grouped and whatever instructions there are.
 
 mod camera;
-mod diffuse;
 mod entry;
 mod find;
 mod finish;
 mod light;
 mod numbers;
 mod paths;
+mod scatter;
 mod tables;
 
 pub(crate) use paths::PixelOf;
@@ -25,13 +25,14 @@ use crate::StopFlag;
 use crate::bsdf::Bsdf;
 use crate::geometry::Interaction;
 use crate::material::Slots;
+use crate::math::Rgb;
 use crate::ray::NONE;
 use crate::render::SamplesOf;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
 use film::{Counters, SampleBuffer};
 use paths::{List, Paths, Place};
-use tables::Kind;
+use tables::{Find, Kind, Model};
 
 /// Paths of a stream: enough to fill lanes on later bounces, few enough for the cache next to a core.
 pub(crate) const CAPACITY: usize = 512;
@@ -51,14 +52,15 @@ pub(crate) struct Stream {
     paths: Box<Paths>,
     /// Rays that leave the scene.
     missed: List,
-    /// Hits that lanes find from records.
+    /// By how the vertices of hits are found.
     flat: List,
-    /// Hits that lanes find.
-    plain: List,
-    /// Hits that are found one by one.
+    meshes: List,
+    spheres: List,
     other: List,
-    /// Vertices that scatter diffusely.
+    /// By how vertices scatter.
     diffuse: List,
+    conductor: List,
+    dielectric: List,
 }
 
 impl Stream {
@@ -68,9 +70,12 @@ impl Stream {
             paths: Paths::new(),
             missed: List::new(),
             flat: List::new(),
-            plain: List::new(),
+            meshes: List::new(),
+            spheres: List::new(),
             other: List::new(),
             diffuse: List::new(),
+            conductor: List::new(),
+            dielectric: List::new(),
         }
     }
 
@@ -136,24 +141,36 @@ impl Stream {
         counters.rays += paths.active() as u64;
         paths.find_hits(&scene.geometry);
         self.sort(wave);
-        let paths = &mut *self.paths;
         for place in self.missed.all() {
-            escape(scene, paths, *place);
+            escape(scene, &mut self.paths, *place);
         }
-        numbers::draw(wave, paths, self.flat.all());
-        numbers::draw(wave, paths, self.plain.all());
-        numbers::draw(wave, paths, self.other.all());
+        for list in [&self.flat, &self.meshes, &self.spheres, &self.other] {
+            numbers::draw(wave, &mut self.paths, list.all());
+        }
+        let paths = &mut *self.paths;
         entry::find_flat(level, wave, paths, self.flat.all());
-        entry::find(level, wave, paths, self.plain.all());
-        self.diffuse.clear();
-        self.diffuse.extend(self.flat.all());
-        self.diffuse.extend(self.plain.all());
-        for place in self.other.all() {
-            scatter_one(wave, paths, *place, &mut self.diffuse, counters);
+        entry::find_meshes(level, wave, paths, self.meshes.all());
+        entry::find_spheres(level, wave, paths, self.spheres.all());
+        for at in 0..self.other.all().len() {
+            let place = self.other.all()[at];
+            match scatter_one(wave, &mut self.paths, place, counters) {
+                Model::Other => {}
+                Model::Diffuse => self.diffuse.push_if(place, true),
+                Model::Conductor => self.conductor.push_if(place, true),
+                Model::Dielectric => self.dielectric.push_if(place, true),
+            }
         }
-        counters.bounces += self.diffuse.len() as u64;
-        light::choose(wave, paths, self.diffuse.all());
-        entry::scatter_diffuse(level, wave, paths, self.diffuse.all());
+        let paths = &mut *self.paths;
+        let [diffuse, conductor, dielectric] =
+            [&self.diffuse, &self.conductor, &self.dielectric].map(List::all);
+        counters.bounces += (diffuse.len() + conductor.len() + dielectric.len()) as u64;
+        light::choose(wave, paths, Model::Diffuse, diffuse);
+        entry::scatter_diffuse(level, wave, paths, diffuse);
+        entry::aim_conductor(level, wave, paths, conductor);
+        light::choose(wave, paths, Model::Conductor, conductor);
+        entry::scatter_conductor(level, wave, paths, conductor);
+        light::choose(wave, paths, Model::Dielectric, dielectric);
+        entry::scatter_dielectric(level, wave, paths, dielectric);
         counters.shadow_rays += paths.cast_shadows(&scene.geometry) as u64;
         paths.next_wave();
     }
@@ -162,10 +179,18 @@ impl Stream {
     fn sort(&mut self, wave: &Wave) {
         let tables = &wave.scene.stream;
         let paths = &*self.paths;
-        self.missed.clear();
-        self.flat.clear();
-        self.plain.clear();
-        self.other.clear();
+        for list in [
+            &mut self.missed,
+            &mut self.flat,
+            &mut self.meshes,
+            &mut self.spheres,
+            &mut self.other,
+            &mut self.diffuse,
+            &mut self.conductor,
+            &mut self.dielectric,
+        ] {
+            list.clear();
+        }
         // Nobody has had more scattering events than there were vertices.
         let is_special = wave.event >= wave.max_depth || paths.any_passed();
         let sees_sky = wave.event == 0 || !wave.scene.lights.environments.is_empty();
@@ -178,18 +203,24 @@ impl Stream {
             }
             let mut kind = match hit.instance {
                 NONE => tables.kind(hit.prim),
-                _ => Kind::Other,
+                _ => Kind::OTHER,
             };
-            if is_special && kind != Kind::Other {
+            if is_special && kind != Kind::OTHER {
                 if !paths.seen_first(place) {
-                    kind = Kind::Other;
+                    kind = Kind::OTHER;
                 } else if paths.depth(place) >= wave.max_depth {
                     continue;
                 }
             }
-            self.flat.push_if(place, kind == Kind::Flat);
-            self.plain.push_if(place, kind == Kind::Plain);
-            self.other.push_if(place, kind == Kind::Other);
+            self.flat.push_if(place, kind.find == Find::Flat);
+            self.meshes.push_if(place, kind.find == Find::Mesh);
+            self.spheres.push_if(place, kind.find == Find::Sphere);
+            self.other.push_if(place, kind.find == Find::Other);
+            self.diffuse.push_if(place, kind.model == Model::Diffuse);
+            self.conductor
+                .push_if(place, kind.model == Model::Conductor);
+            self.dielectric
+                .push_if(place, kind.model == Model::Dielectric);
         }
     }
 }
@@ -202,14 +233,8 @@ fn escape(scene: &Scene, paths: &mut Paths, place: Place) {
     paths.set_gathered(place, &gathered);
 }
 
-/// A vertex by itself; if lanes scatter what is found there, it is put on their list instead.
-fn scatter_one(
-    wave: &Wave,
-    paths: &mut Paths,
-    place: Place,
-    diffuse: &mut List,
-    counters: &mut Counters,
-) {
+/// A vertex by itself; if lanes scatter what is found there, says which.
+fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Counters) -> Model {
     let scene = wave.scene;
     let (ray, hit) = (paths.ray(place), paths.hit(place));
     let mut carried = paths.carried(place);
@@ -221,7 +246,7 @@ fn scatter_one(
     let at_limit = carried.depth >= wave.max_depth;
     if at_limit && gathered.seen_first {
         paths.set_gathered(place, &gathered);
-        return;
+        return Model::Other;
     }
     let numbers = paths.numbers(place);
     let slots = Slots::default();
@@ -233,17 +258,24 @@ fn scatter_one(
             paths.go_on(place, &next);
         }
         paths.set_gathered(place, &gathered);
-        return;
+        return Model::Other;
     };
     path::see(&it, &shading, wo, hit.t, &mut gathered);
     paths.set_gathered(place, &gathered);
     if at_limit {
-        return;
+        return Model::Other;
     }
-    if let (Bsdf::Diffuse(bsdf), true) = (shading.bsdf, shading.is_plain()) {
-        paths.set_vertex(place, &it, shading.frame.n, bsdf.albedo());
-        diffuse.push_if(place, true);
-        return;
+    if shading.is_plain() {
+        let model = scene.stream.model(it.material);
+        let given = match (shading.bsdf, model) {
+            (Bsdf::Diffuse(bsdf), _) => Some((Model::Diffuse, bsdf.albedo())),
+            (_, Model::Other) => None,
+            _ => Some((model, Rgb::new(f32::from_bits(it.material), 0.0, 0.0))),
+        };
+        if let Some((model, given)) = given {
+            paths.set_vertex(place, &it, shading.frame.n, given);
+            return model;
+        }
     }
     counters.bounces += 1;
     let (shadow, next) = path::scatter(scene, &it, &shading, wo, &numbers, &mut carried);
@@ -254,6 +286,7 @@ fn scatter_one(
         paths.set_carried(place, &carried);
         paths.go_on(place, &next);
     }
+    Model::Other
 }
 
 /// The numbers of an event, one path after another.

@@ -24,7 +24,7 @@ pub(super) struct Place {
 }
 
 /// `last_pdf` of a path whose last direction has no density.
-const NO_DENSITY: f32 = -1.0;
+pub(super) const NO_DENSITY: f32 = -1.0;
 
 /// All records. Those by slot stay where they are; rays move up where paths have ended.
 pub(super) struct Paths {
@@ -49,7 +49,7 @@ pub(super) struct Paths {
     pub numbers: Vec<Row>,
     /// By slot: point, error, geometric normal, pmf of the light.
     pub point: Vec<Row>,
-    /// By slot: shading normal, albedo, light (bits).
+    /// By slot: shading normal; albedo of a diffuse surface, material (bits) of others; light (bits).
     pub surface: Vec<Row>,
     /// By slot: radiance, weight of the pixel filter.
     pub radiance: Vec<Row>,
@@ -262,6 +262,15 @@ impl Paths {
         }
     }
 
+    /// What lights are chosen for, as lanes have left it there.
+    pub fn last_aim(&self, place: Place) -> Aim {
+        let [_, _, _, x, y, z, narrow, _] = self.last[place.slot as usize].0;
+        Aim {
+            axis: Vec3::new(x, y, z),
+            narrow: narrow.to_bits(),
+        }
+    }
+
     pub fn set_carried(&mut self, place: Place, c: &Carried) {
         self.carried[place.slot as usize] = carried_row(c);
         let ([px, py, pz], [ax, ay, az]) = (c.last_p.to_array(), c.last_aim.axis.to_array());
@@ -346,12 +355,12 @@ impl Paths {
         keys
     }
 
-    /// A vertex that lanes go on with.
-    pub fn set_vertex(&mut self, place: Place, it: &Interaction, normal: Vec3, albedo: Rgb) {
+    /// A vertex that lanes go on with: its shading normal, and the albedo or the material (bits).
+    pub fn set_vertex(&mut self, place: Place, it: &Interaction, normal: Vec3, given: Rgb) {
         let slot = place.slot as usize;
         let ([px, py, pz], [gx, gy, gz]) = (it.p.to_array(), it.ng.to_array());
         self.point[slot] = Row([px, py, pz, it.error, gx, gy, gz, 0.0]);
-        let ([nx, ny, nz], [r, g, b]) = (normal.to_array(), albedo.to_array());
+        let ([nx, ny, nz], [r, g, b]) = (normal.to_array(), given.to_array());
         self.surface[slot] = Row([nx, ny, nz, r, g, b, 0.0, 0.0]);
     }
 
@@ -443,10 +452,6 @@ impl List {
         self.len = 0;
     }
 
-    pub fn len(&self) -> usize {
-        self.len
-    }
-
     pub fn all(&self) -> &[Place] {
         &self.places[..self.len]
     }
@@ -456,12 +461,6 @@ impl List {
     pub fn push_if(&mut self, place: Place, belongs: bool) {
         self.places[self.len] = place;
         self.len += belongs as usize;
-    }
-
-    /// Adds many.
-    pub fn extend(&mut self, places: &[Place]) {
-        self.places[self.len..self.len + places.len()].copy_from_slice(places);
-        self.len += places.len();
     }
 }
 
