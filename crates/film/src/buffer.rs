@@ -211,6 +211,7 @@ impl SampleBuffer {
     }
 
     /// [`SampleBuffer::add`] for samples `begin`, `begin + 1`, ... of one pixel; how many were rejected.
+    #[inline(always)]
     pub fn add_run(&mut self, x: u32, y: u32, begin: u32, count: usize, run: &Run) -> u64 {
         let Some(sums) = run.sums(begin, count) else {
             return (0..count)

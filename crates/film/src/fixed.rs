@@ -113,8 +113,14 @@ impl Square {
     /// [`Square::of`] of a magnitude below 2^11, in steps of 2^-64.
     #[inline(always)]
     pub(crate) fn of_small(value: f32) -> u128 {
-        let square = Square::of(value);
-        square.whole << 64 | square.fraction as u128
+        let bits = value.to_bits() & 0x7FFF_FFFF;
+        let exponent = bits >> 23;
+        if exponent < 118 {
+            return Square::of(value).fraction as u128;
+        }
+        // At most 2 (138 - 118) places: the product stays below 2^88.
+        let mantissa = (bits & 0x007F_FFFF | 0x0080_0000) as u64;
+        ((mantissa * mantissa) as u128) << (2 * (exponent - 118))
     }
 
     /// As a number.

@@ -54,7 +54,9 @@ impl Run {
     }
 
     /// Sums over the first `count` samples, of which the first has the index `begin`; `None` where one
-    /// is too large for the short way.
+    /// is too large for the short way. Always inlined, so that it is compiled for the instructions of
+    /// whoever calls it.
+    #[inline(always)]
     pub(crate) fn sums(&self, begin: u32, count: usize) -> Option<PixelSums> {
         let mut bounded = largest(&self.alpha[..count]);
         let mut value = 0;
@@ -120,7 +122,7 @@ impl Default for Run {
 }
 
 /// Bits of the largest magnitude: whatever is not finite is above all others.
-#[inline]
+#[inline(always)]
 fn largest(column: &[f32]) -> u32 {
     let mut most = 0;
     for x in column {
@@ -129,7 +131,7 @@ fn largest(column: &[f32]) -> u32 {
     most
 }
 
-#[inline]
+#[inline(always)]
 fn sum_bounded(column: &[f32]) -> i64 {
     let mut sum = 0;
     for x in column {

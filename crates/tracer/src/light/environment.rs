@@ -140,6 +140,12 @@ impl Environment {
             .map_or(self.radiance, |p| p.mean * self.radiance)
     }
 
+    /// The radiance of all directions, if it is the same and the sky is seen.
+    pub(crate) fn constant(&self) -> Option<Rgb> {
+        let is_plain = self.picture.is_none() && self.portal.is_none() && !self.hidden;
+        is_plain.then_some(self.radiance)
+    }
+
     /// Radiance that arrives at a point from a direction.
     #[inline]
     pub fn le(&self, images: &[Image], from: Vec3, direction: Vec3) -> Rgb {

@@ -226,7 +226,12 @@ impl Stream {
 }
 
 /// A ray that hits nothing.
+#[inline]
 fn escape(scene: &Scene, paths: &mut Paths, place: Place) {
+    if let Some(sky) = scene.stream.sky() {
+        paths.add_sky(place, sky, scene.clamp_indirect);
+        return;
+    }
     let mut gathered = paths.gathered(place);
     let (ray, carried) = (paths.ray(place), paths.carried(place));
     path::escape(scene, &ray, &carried, &mut gathered);

@@ -334,6 +334,33 @@ impl Paths {
         ]);
     }
 
+    /// Adds what a constant sky sends along a ray that meets nothing; see
+    /// [`path::escape`](crate::integrator::path::escape).
+    #[inline(always)]
+    pub fn add_sky(&mut self, place: Place, sky: Rgb, clamp_indirect: f32) {
+        let slot = place.slot as usize;
+        let [r, g, b, _, _, depth, ..] = self.carried[slot].0;
+        if depth.to_bits() == 0 && !self.rare[slot].seen_first {
+            self.first[slot].0[0] = 1.0;
+        }
+        let mut light = Rgb::new(r, g, b) * sky;
+        if depth.to_bits() >= 2 {
+            let most = light.max_element();
+            if most > clamp_indirect {
+                light *= clamp_indirect / most;
+            }
+        }
+        self.add(slot, light);
+    }
+
+    #[inline(always)]
+    fn add(&mut self, slot: usize, light: Rgb) {
+        let radiance = &mut self.radiance[slot].0;
+        radiance[0] += light.x;
+        radiance[1] += light.y;
+        radiance[2] += light.z;
+    }
+
     /// The points of a path's pixel, and its sample index.
     pub fn points(&mut self, place: Place) -> (&mut PixelPoints, u32) {
         let slot = place.slot as usize;

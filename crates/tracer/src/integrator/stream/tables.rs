@@ -30,6 +30,8 @@ pub(crate) struct Tables {
     lights: Vec<Option<Lamp>>,
     /// If no choice of light is to be made: which.
     only: Option<u32>,
+    /// Radiance of a sky that is the same all around, which scattering alone finds.
+    sky: Option<Rgb>,
 }
 
 /// What is done with hits on a primitive.
@@ -113,6 +115,7 @@ impl Tables {
             models,
             lights: lights.lights.iter().map(|l| lamp(l, lights)).collect(),
             only: lights.only(),
+            sky: sky(lights),
             ..Tables::default()
         };
         let prims = &geometry.world.prims;
@@ -212,6 +215,12 @@ impl Tables {
         &self.records[prim as usize]
     }
 
+    /// Radiance of a sky that is the same all around, if that is all there is.
+    #[inline(always)]
+    pub(super) fn sky(&self) -> Option<Rgb> {
+        self.sky
+    }
+
     /// Memory held.
     pub(crate) fn memory_bytes(&self) -> usize {
         self.kinds.len() * size_of::<Kind>()
@@ -266,6 +275,16 @@ impl Record {
             Row([c.x, c.y, c.z, radius, side, 0.0, 0.0, 0.0]),
             Row([0.0, 0.0, 0.0, 0.0, 0.0, given.x, given.y, given.z]),
         ]))
+    }
+}
+
+fn sky(lights: &Lights) -> Option<Rgb> {
+    match lights.environments[..] {
+        [only] => match &lights.lights[only as usize] {
+            Light::Environment(e) => e.constant(),
+            _ => None,
+        },
+        _ => None,
     }
 }
 
