@@ -1,9 +1,10 @@
-//! From boxes to the wide tree: a binary tree by `obvhs` (PLOC and reinsertion), then a greedy
-//! collapse to eight children by area.
+//! From boxes to the wide tree: a binary tree by `obvhs` (PLOC and reinsertion), then the
+//! cheapest collapse to eight children (`collapse.rs`).
 //!
 //! Each tree is built on one thread: parallel builds of `obvhs` are not known to give the same tree
 //! every time. Different trees are built at the same time.
 
+use super::collapse::Plan;
 use super::node::{EMPTY, LEAF, LeafKind, Node, TriBlock, leaf};
 use glam::Vec3;
 use obvhs::bvh2::builder::build_bvh2;
@@ -148,16 +149,19 @@ struct Binary {
     nodes: Vec<BinaryNode>,
 }
 
+/// Of the tree that becomes the wide one.
 #[derive(Clone, Copy)]
-struct BinaryNode {
-    bounds: Bounds,
+pub struct BinaryNode {
+    /// Around what is below.
+    pub bounds: Bounds,
     /// Left child (the right one follows) of an inner node, item of a leaf.
-    first: u32,
-    is_leaf: bool,
+    pub first: u32,
+    /// Whether this is a leaf.
+    pub is_leaf: bool,
     /// Items below.
-    count: u32,
+    pub count: u32,
     /// All of them are fixed triangles.
-    triangles: bool,
+    pub triangles: bool,
 }
 
 impl Binary {
@@ -259,16 +263,11 @@ impl Binary {
             self.nodes[at as usize].triangles = triangles;
         }
     }
-
-    /// Whether a node becomes a leaf of the wide tree.
-    fn is_wide_leaf(&self, at: u32) -> bool {
-        let node = &self.nodes[at as usize];
-        node.is_leaf || (node.triangles && node.count <= 4)
-    }
 }
 
 struct Collapse<'a> {
     binary: &'a Binary,
+    plan: Plan,
     items: &'a [Item],
     corners: &'a dyn Fn(u32) -> [Vec3; 3],
     out: Built,
@@ -288,6 +287,7 @@ impl<'a> Collapse<'a> {
         };
         let mut collapse = Collapse {
             binary,
+            plan: Plan::new(&binary.nodes),
             items,
             corners,
             out,
@@ -298,7 +298,7 @@ impl<'a> Collapse<'a> {
 
     /// Emits the subtree below a binary node and returns its word.
     fn emit(&mut self, at: u32, depth: usize) -> Option<u32> {
-        if self.binary.is_wide_leaf(at) {
+        if self.plan.is_leaf(at) {
             return Some(self.emit_leaf(at));
         }
         if depth >= DEPTH_MAX {
@@ -306,22 +306,7 @@ impl<'a> Collapse<'a> {
         }
         let index = self.out.nodes.len();
         self.out.nodes.push(Node::empty());
-        let first = self.binary.nodes[at as usize].first;
-        let mut children = vec![first, first + 1];
-        while children.len() < 8 {
-            // Open the largest child that is not a leaf; the first of equals.
-            let mut largest: Option<(usize, f32)> = None;
-            for (i, &child) in children.iter().enumerate() {
-                let area = half_area(&self.binary.nodes[child as usize].bounds);
-                if !self.binary.is_wide_leaf(child) && largest.is_none_or(|(_, a)| area > a) {
-                    largest = Some((i, area));
-                }
-            }
-            let Some((i, _)) = largest else { break };
-            let first = self.binary.nodes[children[i] as usize].first;
-            children[i] = first;
-            children.push(first + 1);
-        }
+        let children = self.plan.children(&self.binary.nodes, at);
         for (slot, &child) in children.iter().enumerate() {
             let word = self.emit(child, depth + 1)?;
             let b = self.binary.nodes[child as usize].bounds;
@@ -352,16 +337,25 @@ impl<'a> Collapse<'a> {
             }
         }
         prims.sort_unstable();
-        let mut block = TriBlock::empty();
-        for (lane, &prim) in prims.iter().enumerate() {
-            block.set(lane, (self.corners)(prim), prim);
+        let index = self.out.blocks.len();
+        for prims in prims.chunks(4) {
+            let mut block = TriBlock::empty();
+            for (lane, &prim) in prims.iter().enumerate() {
+                block.set(lane, (self.corners)(prim), prim);
+            }
+            self.out.blocks.push(block);
         }
-        self.out.blocks.push(block);
-        leaf(LeafKind::Triangles, self.out.blocks.len() - 1)
+        let kind = if prims.len() > 4 {
+            LeafKind::Pair
+        } else {
+            LeafKind::Triangles
+        };
+        leaf(kind, index)
     }
 }
 
-fn half_area(b: &Bounds) -> f32 {
+/// Half the surface of a box.
+pub fn half_area(b: &Bounds) -> f32 {
     let d = b.max - b.min;
     d.x * d.y + d.y * d.z + d.z * d.x
 }

@@ -239,6 +239,9 @@ fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
             // to spare.
             let found = if leaf_kind(word) == LeafKind::Triangles as u32 {
                 triangles::<S, ANY>(at, &tree.blocks[index], &walker, hit)
+            } else if leaf_kind(word) == LeafKind::Pair as u32 {
+                triangles::<S, ANY>(at, &tree.blocks[index], &walker, hit)
+                    || triangles::<S, ANY>(at, &tree.blocks[index + 1], &walker, hit)
             } else if leaf_kind(word) == LeafKind::Deforming as u32 {
                 let block = deformed(at, index);
                 triangles::<S, ANY>(at, &block, &walker, hit)

@@ -1,6 +1,7 @@
 //! What a ray can hit, and finding it.
 
 pub mod build;
+pub mod collapse;
 pub mod kernel;
 pub mod node;
 pub mod simd;

@@ -48,6 +48,8 @@ pub enum LeafKind {
     Deforming = 3,
     /// One part of a curve.
     Curve = 4,
+    /// Two blocks of triangles, one after the other.
+    Pair = 5,
 }
 
 /// The word of a leaf.

@@ -258,3 +258,27 @@ fn nothing_is_hit_in_nothing() {
     let ray = Ray::new(Vec3::ZERO, Vec3::X, 0.0);
     assert!(!empty.closest(&ray).is_some() && !empty.occluded(&ray));
 }
+
+/// Blocks hold every triangle once, nodes are full, leaves of two blocks occur.
+#[test]
+fn collapse_fills_nodes() {
+    let mut rng = StdRng::seed_from_u64(6);
+    let soup: Vec<Tri> = (0..5000)
+        .map(|_| {
+            let p = point(&mut rng, 2.0);
+            [p, p + point(&mut rng, 0.1), p + point(&mut rng, 0.1)]
+        })
+        .collect();
+    let tree = geometry(&soup, SimdLevel::best()).world;
+    let mut prims: Vec<u32> = tree.blocks.iter().flat_map(|b| b.prims).collect();
+    prims.retain(|p| *p != NONE);
+    prims.sort_unstable();
+    assert!(prims.iter().copied().eq(0..5000));
+    let children = tree.nodes.iter().flat_map(|n| n.children);
+    let children = children.filter(|c| *c != super::node::EMPTY).count();
+    assert!(
+        children > 6 * tree.nodes.len(),
+        "{children} children of {} nodes",
+        tree.nodes.len()
+    );
+}
