@@ -9,8 +9,11 @@
 use glam::Vec3;
 use std::path::Path;
 use std::time::Instant;
-use tracer::ray::Ray;
+use tracer::ray::{Hit, Ray};
 use tracer::{PrepareSettings, StopFlag, prepare};
+
+/// Rays are traced by arrays of this size, as the renderer does.
+const ARRAY: usize = 1024;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -47,23 +50,27 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             })
             .collect();
         let (mut closest, mut any) = (f64::INFINITY, f64::INFINITY);
-        let (mut hits, mut sum, mut blocked) = (0, 0.0, 0);
+        let mut found = vec![Hit::none(0.0); rays.len()];
+        let mut shadows = vec![false; rays.len()];
         for _ in 0..5 {
-            (hits, sum, blocked) = (0, 0.0, 0);
             let begin = Instant::now();
-            for ray in &rays {
-                if let Some(hit) = scene.intersect(ray) {
-                    hits += 1;
-                    sum += hit.t as f64;
-                }
+            for (rays, hits) in rays.chunks(ARRAY).zip(found.chunks_mut(ARRAY)) {
+                scene.geometry.closest_many(rays, hits);
             }
             closest = closest.min(begin.elapsed().as_secs_f64());
             let begin = Instant::now();
-            for ray in &rays {
-                blocked += scene.occluded(ray) as u32;
+            for (rays, blocked) in rays.chunks(ARRAY).zip(shadows.chunks_mut(ARRAY)) {
+                scene.geometry.occluded_many(rays, blocked);
             }
             any = any.min(begin.elapsed().as_secs_f64());
         }
+        let hits = found.iter().filter(|hit| hit.is_some()).count();
+        let sum: f64 = found
+            .iter()
+            .filter(|hit| hit.is_some())
+            .map(|hit| hit.t as f64)
+            .sum();
+        let blocked = shadows.iter().filter(|blocked| **blocked).count();
         let rate = |seconds: f64| rays.len() as f64 / seconds / 1e6;
         println!(
             "{file}: {} rays, {hits} hits, sum of t {sum:.4}, {blocked} blocked: \

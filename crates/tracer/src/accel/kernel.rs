@@ -6,14 +6,17 @@
 //! visited in.
 
 use super::Geometry;
-use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, Tree, TriBlock, leaf_kind};
+use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, Node, Tree, TriBlock, leaf_kind};
 use super::simd::{self, Lanes, Simd, Stack};
+use super::stream;
 use crate::ray::{Hit, NONE, Ray};
 use glam::Vec3;
 
-/// Slack on the far side of a box: the entry and exit distances of a slab are rounded three times
-/// each, as is a triangle's own distance.
-const FAR_SLACK: f32 = 1.000_000_4;
+/// Slack on the far side of a box. With u = 2^-24, the distance to a near side is rounded by at most 3 u
+/// (difference, inverse, product), that to a far one by 4 u (the inverse has been multiplied by the slack), so
+/// anything above 7 u lets no ray through between a box and itself; the rest is for the triangle's own
+/// distance.
+pub const FAR_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
 /// The two axes after an axis, in order.
 static OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
@@ -23,30 +26,29 @@ static OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
 const LARGE: usize = 4096;
 
 /// A ray as the kernel wants it.
-struct Walker<S: Simd> {
-    origin: [S::F8; 3],
-    inverse: [S::F8; 3],
-    /// Index of the near bound in [`super::node::Node::bounds`], by axis.
-    near: [usize; 3],
-    /// Origin and direction as the triangle test wants them: axes x, y, z with z the longest component
-    /// of the direction, and the shear that makes the ray run along it.
-    axes: [usize; 3],
-    o4: [S::F4; 3],
-    shear: [S::F4; 3],
+#[derive(Clone, Copy)]
+pub struct Aim {
+    /// Start, by axis.
+    pub origin: [f32; 3],
+    /// Of the direction, never infinite.
+    pub inverse: [f32; 3],
+    /// The same times [`FAR_SLACK`].
+    pub far: [f32; 3],
+    /// Where in a node the near bounds are, in bytes, by axis.
+    pub near: [u32; 3],
+    /// The axes x, y, z as the triangle test wants them, z the longest component of the direction: where they are
+    /// among the coordinates of a corner, in bytes.
+    axes: [u32; 3],
+    /// Start, by these axes.
+    start: [f32; 3],
+    /// What makes the ray run along z.
+    shear: [f32; 3],
 }
 
-impl<S: Simd> Walker<S> {
+impl Aim {
+    /// Of a ray.
     #[inline(always)]
-    fn new(origin: Vec3, direction: Vec3) -> Self {
-        // A component of zero would make 0 x infinity; a tiny one gives a slab that is never left.
-        let safe = |x: f32| {
-            if x.abs() < 1e-18 {
-                1e-18f32.copysign(x)
-            } else {
-                x
-            }
-        };
-        let d = [safe(direction.x), safe(direction.y), safe(direction.z)];
+    pub fn new<S: Simd>(origin: Vec3, direction: Vec3) -> Self {
         let (o, r) = (origin.to_array(), direction.to_array());
         let kz = if r[0].abs() > r[1].abs() && r[0].abs() > r[2].abs() {
             0
@@ -56,31 +58,58 @@ impl<S: Simd> Walker<S> {
             2
         };
         let [kx, ky] = OTHERS[kz];
-        Walker {
-            origin: [S::F8::splat(o[0]), S::F8::splat(o[1]), S::F8::splat(o[2])],
-            inverse: [
-                S::F8::splat(1.0 / d[0]),
-                S::F8::splat(1.0 / d[1]),
-                S::F8::splat(1.0 / d[2]),
-            ],
+        let d = [safe(r[0]), safe(r[1]), safe(r[2]), 1.0];
+        let inverse = S::F4::splat(1.0).div(S::F4::load(&d));
+        let far = inverse.mul(S::F4::splat(FAR_SLACK)).store();
+        let inverse = inverse.store();
+        let shear = S::F4::load(&[r[kx], r[ky], 1.0, 1.0])
+            .div(S::F4::splat(r[kz]))
+            .store();
+        Aim {
+            origin: o,
+            inverse: [inverse[0], inverse[1], inverse[2]],
+            far: [far[0], far[1], far[2]],
             near: [
-                (d[0] < 0.0) as usize,
-                2 + (d[1] < 0.0) as usize,
-                4 + (d[2] < 0.0) as usize,
+                32 * (d[0] < 0.0) as u32,
+                64 + 32 * (d[1] < 0.0) as u32,
+                128 + 32 * (d[2] < 0.0) as u32,
             ],
-            axes: [kx, ky, kz],
-            o4: [
-                S::F4::splat(o[kx]),
-                S::F4::splat(o[ky]),
-                S::F4::splat(o[kz]),
-            ],
-            shear: [
-                S::F4::splat(r[kx] / r[kz]),
-                S::F4::splat(r[ky] / r[kz]),
-                S::F4::splat(1.0 / r[kz]),
-            ],
+            axes: [16 * kx as u32, 16 * ky as u32, 16 * kz as u32],
+            start: [o[kx], o[ky], o[kz]],
+            shear: [shear[0], shear[1], shear[2]],
         }
     }
+}
+
+/// A component of zero would make 0 x infinity; a tiny one gives a slab that is never left.
+#[inline(always)]
+fn safe(x: f32) -> f32 {
+    if x.abs() < 1e-18 {
+        1e-18f32.copysign(x)
+    } else {
+        x
+    }
+}
+
+/// Where a ray enters the boxes of a node's children, and where it leaves them, t at the
+/// latest: those are hit that it leaves not before it enters them.
+#[inline(always)]
+pub fn boxes<S: Simd>(node: &Node, aim: &Aim, t: f32) -> (S::F8, S::F8) {
+    let [nx, ny, nz] = aim.near;
+    let enter = slab::<S>(node, nx, aim.origin[0], aim.inverse[0])
+        .max(slab::<S>(node, ny, aim.origin[1], aim.inverse[1]))
+        .max(slab::<S>(node, nz, aim.origin[2], aim.inverse[2]).max(S::F8::splat(0.0)));
+    let leave = slab::<S>(node, nx ^ 32, aim.origin[0], aim.far[0])
+        .min(slab::<S>(node, ny ^ 32, aim.origin[1], aim.far[1]))
+        .min(slab::<S>(node, nz ^ 32, aim.origin[2], aim.far[2]).min(S::F8::splat(t * FAR_SLACK)));
+    (enter, leave)
+}
+
+#[inline(always)]
+fn slab<S: Simd>(node: &Node, bound: u32, origin: f32, inverse: f32) -> S::F8 {
+    S::F8::load(simd::row(node, bound))
+        .sub(S::F8::splat(origin))
+        .mul(S::F8::splat(inverse))
 }
 
 /// Numbers of a scattering event, compiled for a level so that its lanes are used.
@@ -109,7 +138,7 @@ pub struct Walk<'a> {
 impl<'a> Walk<'a> {
     /// Through the world.
     #[inline(always)]
-    fn world(geometry: &'a Geometry, ray: &'a Ray) -> Self {
+    pub fn world(geometry: &'a Geometry, ray: &'a Ray) -> Self {
         Walk {
             geometry,
             tree: &geometry.world,
@@ -134,18 +163,29 @@ pub fn occluded<S: Simd>(geometry: &Geometry, ray: &Ray) -> bool {
     walk::<S, true>(&Walk::world(geometry, ray), &mut hit)
 }
 
-/// [`closest`] for many rays.
+/// [`closest`] for many rays, one after the other or several in flight.
 #[inline(always)]
-pub fn closest_many<S: Simd>(geometry: &Geometry, rays: &[Ray], hits: &mut [Hit]) {
+pub fn closest_many<S: Simd>(geometry: &Geometry, rays: &[Ray], hits: &mut [Hit], in_flight: bool) {
+    if in_flight {
+        return stream::many::<S, false>(geometry, rays, hits, &mut []);
+    }
     for (ray, hit) in rays.iter().zip(hits) {
         *hit = Hit::none(ray.t_max);
         walk::<S, false>(&Walk::world(geometry, ray), hit);
     }
 }
 
-/// [`occluded`] for many rays.
+/// [`occluded`] for many rays, one after the other or several in flight.
 #[inline(always)]
-pub fn occluded_many<S: Simd>(geometry: &Geometry, rays: &[Ray], blocked: &mut [bool]) {
+pub fn occluded_many<S: Simd>(
+    geometry: &Geometry,
+    rays: &[Ray],
+    blocked: &mut [bool],
+    in_flight: bool,
+) {
+    if in_flight {
+        return stream::many::<S, true>(geometry, rays, &mut [], blocked);
+    }
     for (ray, blocked) in rays.iter().zip(blocked) {
         let mut hit = Hit::none(ray.t_max);
         *blocked = walk::<S, true>(&Walk::world(geometry, ray), &mut hit);
@@ -164,101 +204,86 @@ pub fn occluded_in_group<S: Simd>(group: &Walk, hit: &mut Hit) -> bool {
     walk::<S, true>(group, hit)
 }
 
+/// Through a tree; whether anything blocks, if `ANY`.
 #[inline(always)]
 fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
     let tree = at.tree;
     if tree.root == EMPTY {
         return false;
     }
-    let walker = Walker::<S>::new(at.origin, at.direction);
+    let aim = Aim::new::<S>(at.origin, at.direction);
     let is_large = tree.blocks.len() >= LARGE;
-    let mut stack = Stack::empty();
+    let mut items = simd::stack_items();
+    let mut stack = Stack::new(&mut items);
     let mut word = tree.root;
+    // What begins behind the closest hit cannot hold a closer one.
+    let mut limit = simd::entry(u32::MAX, hit.t * FAR_SLACK);
     loop {
         if word & LEAF == 0 {
             let node = &tree.nodes[word as usize];
-            let slab = |axis: usize, which: usize| {
-                S::F8::load(&node.bounds[which])
-                    .sub(walker.origin[axis])
-                    .mul(walker.inverse[axis])
-            };
-            let [nx, ny, nz] = walker.near;
-            let enter = slab(0, nx)
-                .max(slab(1, ny))
-                .max(slab(2, nz).max(S::F8::splat(0.0)));
-            let leave = slab(0, nx ^ 1)
-                .min(slab(1, ny ^ 1))
-                .min(slab(2, nz ^ 1).min(S::F8::splat(hit.t)));
-            let mut mask = enter.le(leave.mul(S::F8::splat(FAR_SLACK)));
+            let (enter, leave) = boxes::<S>(node, &aim, hit.t);
+            let mut mask = enter.le(leave);
             if mask != 0 {
-                let first = mask.trailing_zeros() as usize & 7;
-                mask &= mask - 1;
+                let first = lowest(&mut mask);
                 if mask == 0 {
                     word = node.children[first];
                     continue;
                 }
                 if ANY {
                     while mask != 0 {
-                        let next = node.children[mask.trailing_zeros() as usize & 7];
+                        let next = node.children[lowest(&mut mask)];
                         prefetch::<S>(tree, is_large, next);
-                        stack.push(next, 0.0);
-                        mask &= mask - 1;
+                        stack.push(next as u64);
                     }
                     word = node.children[first];
                     continue;
                 }
-                prefetch::<S>(tree, is_large, node.children[first]);
                 let t = enter.store();
-                let second = mask.trailing_zeros() as usize & 7;
-                mask &= mask - 1;
+                let second = lowest(&mut mask);
+                prefetch::<S>(tree, is_large, node.children[first]);
                 prefetch::<S>(tree, is_large, node.children[second]);
+                let a = simd::entry(node.children[first], t[first]);
+                let b = simd::entry(node.children[second], t[second]);
+                let (near, far) = (a.min(b), a.max(b));
                 if mask == 0 {
-                    let (near, far) = if t[second] < t[first] {
-                        (second, first)
-                    } else {
-                        (first, second)
-                    };
-                    stack.push(node.children[far], t[far]);
-                    word = node.children[near];
+                    stack.push(far);
+                    word = near as u32;
+                    continue;
+                }
+                let third = lowest(&mut mask);
+                prefetch::<S>(tree, is_large, node.children[third]);
+                let c = simd::entry(node.children[third], t[third]);
+                if mask == 0 {
+                    let (middle, far) = (far.min(c), far.max(c));
+                    stack.push(far);
+                    stack.push(near.max(middle));
+                    word = near.min(middle) as u32;
                     continue;
                 }
                 let from = stack.height();
-                stack.push(node.children[first], t[first]);
-                stack.push(node.children[second], t[second]);
+                stack.push(far);
+                stack.push(near);
+                stack.push(c);
                 while mask != 0 {
-                    let next = mask.trailing_zeros() as usize & 7;
+                    let next = lowest(&mut mask);
                     prefetch::<S>(tree, is_large, node.children[next]);
-                    stack.push(node.children[next], t[next]);
-                    mask &= mask - 1;
+                    stack.push(simd::entry(node.children[next], t[next]));
                 }
                 stack.sort_from(from);
             }
         } else {
-            let index = (word & INDEX_MASK) as usize;
-            // Whatever is not a block of triangles stays out of this function, which has no register
-            // to spare.
-            let found = if leaf_kind(word) == LeafKind::Triangles as u32 {
-                triangles::<S, ANY>(at, &tree.blocks[index], &walker, hit)
-            } else if leaf_kind(word) == LeafKind::Pair as u32 {
-                triangles::<S, ANY>(at, &tree.blocks[index], &walker, hit)
-                    || triangles::<S, ANY>(at, &tree.blocks[index + 1], &walker, hit)
-            } else if leaf_kind(word) == LeafKind::Deforming as u32 {
-                let block = deformed(at, index);
-                triangles::<S, ANY>(at, &block, &walker, hit)
-            } else {
-                other_leaf::<ANY>(at, word, hit)
-            };
+            let found = visit_leaf::<S, ANY>(at, &aim, word, hit);
             if ANY && found {
                 return true;
             }
+            limit = simd::entry(u32::MAX, hit.t * FAR_SLACK);
         }
-        // What begins behind the closest hit cannot hold a closer one.
         loop {
             match stack.pop() {
                 None => return false,
-                Some((next, t)) => {
-                    if ANY || t <= hit.t * FAR_SLACK {
-                        word = next;
+                Some(next) => {
+                    if ANY || next <= limit {
+                        word = next as u32;
                         break;
                     }
                 }
@@ -267,9 +292,41 @@ fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
     }
 }
 
+/// Takes the lowest of the lanes out of a mask.
+#[inline(always)]
+fn lowest(mask: &mut u32) -> usize {
+    let lane = mask.trailing_zeros() as usize & 7;
+    *mask &= *mask - 1;
+    lane
+}
+
+/// Tests what a leaf holds; whether it blocks.
+#[inline(always)]
+pub fn visit_leaf<S: Simd, const ANY: bool>(
+    at: &Walk,
+    aim: &Aim,
+    word: u32,
+    hit: &mut Hit,
+) -> bool {
+    let index = (word & INDEX_MASK) as usize;
+    let kind = leaf_kind(word);
+    // Whatever is not a block of triangles stays out of this function, which has no register to spare.
+    if kind == LeafKind::Triangles as u32 {
+        triangles::<S, ANY>(at, &at.tree.blocks[index], aim, hit)
+    } else if kind == LeafKind::Pair as u32 {
+        triangles::<S, ANY>(at, &at.tree.blocks[index], aim, hit)
+            || triangles::<S, ANY>(at, &at.tree.blocks[index + 1], aim, hit)
+    } else if kind == LeafKind::Deforming as u32 {
+        let block = deformed(at, index);
+        triangles::<S, ANY>(at, &block, aim, hit)
+    } else {
+        other_leaf::<ANY>(at, word, hit)
+    }
+}
+
 /// Asks the cache for a node or a block of triangles that is visited soon.
 #[inline(always)]
-fn prefetch<S: Simd>(tree: &Tree, is_large: bool, word: u32) {
+pub fn prefetch<S: Simd>(tree: &Tree, is_large: bool, word: u32) {
     if !is_large {
         return;
     }
@@ -317,25 +374,30 @@ fn deformed(at: &Walk, index: usize) -> TriBlock {
 }
 
 #[inline(always)]
+fn corner<S: Simd>(block: &TriBlock, corner: usize, aim: &Aim) -> (S::F4, S::F4, S::F4) {
+    let ([kx, ky, kz], [ox, oy, oz], [sx, sy, _]) = (aim.axes, aim.start, aim.shear);
+    let z = S::F4::load(simd::coordinate(block, corner, kz)).sub(S::F4::splat(oz));
+    let x = S::F4::load(simd::coordinate(block, corner, kx)).sub(S::F4::splat(ox));
+    let y = S::F4::load(simd::coordinate(block, corner, ky)).sub(S::F4::splat(oy));
+    (
+        x.sub(S::F4::splat(sx).mul(z)),
+        y.sub(S::F4::splat(sy).mul(z)),
+        z,
+    )
+}
+
+#[inline(always)]
 fn triangles<S: Simd, const ANY: bool>(
     at: &Walk,
     block: &TriBlock,
-    walker: &Walker<S>,
+    aim: &Aim,
     hit: &mut Hit,
 ) -> bool {
     // Corners relative to the origin, sheared so that the ray runs along z. The same corner gives the
     // same numbers in every triangle that it belongs to.
-    let [kx, ky, kz] = walker.axes;
-    let [ox, oy, oz] = walker.o4;
-    let [sx, sy, sz] = walker.shear;
-    let corner = |c: usize| {
-        let corner = &block.corners[c];
-        let z = S::F4::load(&corner[kz]).sub(oz);
-        let x = S::F4::load(&corner[kx]).sub(ox).sub(sx.mul(z));
-        let y = S::F4::load(&corner[ky]).sub(oy).sub(sy.mul(z));
-        (x, y, z)
-    };
-    let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (corner(0), corner(1), corner(2));
+    let (ax, ay, az) = corner::<S>(block, 0, aim);
+    let (bx, by, bz) = corner::<S>(block, 1, aim);
+    let (cx, cy, cz) = corner::<S>(block, 2, aim);
     // Rounding is monotone, so a difference of two rounded products never has the wrong sign: at worst
     // it is zero, which counts as inside. That makes edges and corners watertight.
     let u = cx.mul(by).sub(cy.mul(bx));
@@ -347,7 +409,12 @@ fn triangles<S: Simd, const ANY: bool>(
         return false;
     }
     let det = u.add(v).add(w);
-    let t = u.mul(az).add(v.mul(bz)).add(w.mul(cz)).mul(sz).div(det);
+    let t = u
+        .mul(az)
+        .add(v.mul(bz))
+        .add(w.mul(cz))
+        .mul(S::F4::splat(aim.shear[2]))
+        .div(det);
     // NaN (a ray in the plane, a degenerate triangle) compares false.
     let mut mask = inside & t.le(S::F4::splat(hit.t)) & !t.le(zero);
     if mask == 0 {

@@ -5,6 +5,7 @@ pub mod collapse;
 pub mod kernel;
 pub mod node;
 pub mod simd;
+pub mod stream;
 
 pub use simd::SimdLevel;
 
@@ -65,13 +66,15 @@ impl Geometry {
     /// [`Geometry::closest`] for each of many rays, into as many hits.
     #[inline]
     pub fn closest_many(&self, rays: &[Ray], hits: &mut [Hit]) {
-        simd::closest_many(self.level, self, rays, hits);
+        let in_flight = stream::pays(&self.world);
+        simd::closest_many(self.level, self, rays, hits, in_flight);
     }
 
     /// [`Geometry::occluded`] for each of many rays.
     #[inline]
     pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
-        simd::occluded_many(self.level, self, rays, blocked);
+        let in_flight = stream::pays(&self.world);
+        simd::occluded_many(self.level, self, rays, blocked, in_flight);
     }
 
     /// The tree that a hit's primitive belongs to.

@@ -12,6 +12,8 @@ pub struct Node {
     pub bounds: [[f32; 8]; 6],
     /// What the children are; see [`leaf`].
     pub children: [u32; 8],
+    /// Nothing yet; there so that every byte has a value.
+    pub spare: [u32; 8],
 }
 
 impl Node {
@@ -21,6 +23,7 @@ impl Node {
         Node {
             bounds: [lo, hi, lo, hi, lo, hi],
             children: [EMPTY; 8],
+            spare: [0; 8],
         }
     }
 }

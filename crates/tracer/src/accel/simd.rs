@@ -7,6 +7,7 @@
 #![allow(unsafe_code)]
 
 use super::kernel;
+use super::node::{Node, TriBlock};
 use crate::light::cluster;
 
 /// N lanes of f32.
@@ -48,6 +49,32 @@ pub trait Simd: Copy {
     /// Asks the cache for what will be read soon; nothing where there is no such instruction.
     #[inline(always)]
     fn prefetch<T>(_from: *const T) {}
+    /// Packs the children in a mask, in order, and their keys; what follows them in the outputs is unspecified.
+    /// Keys are distances, not negative; those outside of the mask have all bits set. Returns which of the packed
+    /// is nearest, but for the last three bits of its distance and only if `NEAREST`.
+    #[inline(always)]
+    fn pack<const NEAREST: bool>(
+        keys: Self::F8,
+        mask: u32,
+        children: &[u32; 8],
+        words: &mut [u32; 8],
+        ts: &mut [f32; 8],
+    ) -> usize {
+        let mut mask = mask;
+        let keys = keys.store();
+        let (mut count, mut nearest, mut least) = (0, 0, f32::INFINITY);
+        while mask != 0 {
+            let lane = mask.trailing_zeros() as usize & 7;
+            mask &= mask - 1;
+            words[count & 7] = children[lane];
+            ts[count & 7] = keys[lane];
+            if NEAREST && keys[lane] < least {
+                (nearest, least) = (count, keys[lane]);
+            }
+            count += 1;
+        }
+        nearest
+    }
 }
 
 /// Plain arrays: the definition, and what other processors run.
@@ -153,13 +180,17 @@ impl SimdLevel {
     pub fn best() -> SimdLevel {
         #[cfg(target_arch = "x86_64")]
         {
-            if std::arch::is_x86_feature_detected!("avx512vl")
-                && std::arch::is_x86_feature_detected!("avx512f")
-                && std::arch::is_x86_feature_detected!("avx2")
+            // Every processor with AVX2 has the others as well, but a virtual one may hide them.
+            if std::arch::is_x86_feature_detected!("avx2")
+                && std::arch::is_x86_feature_detected!("popcnt")
+                && std::arch::is_x86_feature_detected!("bmi1")
+                && std::arch::is_x86_feature_detected!("bmi2")
             {
-                return SimdLevel::Avx512;
-            }
-            if std::arch::is_x86_feature_detected!("avx2") {
+                if std::arch::is_x86_feature_detected!("avx512vl")
+                    && std::arch::is_x86_feature_detected!("avx512f")
+                {
+                    return SimdLevel::Avx512;
+                }
                 return SimdLevel::Avx2;
             }
             SimdLevel::Sse2
@@ -431,6 +462,44 @@ mod x86 {
         }
     }
 
+    /// For each mask of lanes, the set ones in order, a byte each.
+    static PACKED: [u64; 256] = {
+        let mut table = [0u64; 256];
+        let mut mask = 0;
+        while mask < 256 {
+            let (mut lane, mut count) = (0, 0);
+            while lane < 8 {
+                if mask >> lane & 1 != 0 {
+                    table[mask] |= lane << (8 * count);
+                    count += 1;
+                }
+                lane += 1;
+            }
+            mask += 1;
+        }
+        table
+    };
+
+    /// Which of the lanes of a mask is least, as a number among them. The lane itself takes the place of the last
+    /// three bits, so that it comes out of the minimum; distances are not negative, so their bits are in order.
+    #[inline(always)]
+    fn nearest(keys: __m256, mask: u32) -> usize {
+        // SAFETY: see the head of the module.
+        let lane = unsafe {
+            let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+            let low = _mm256_set1_epi32(7);
+            let keys = _mm256_or_si256(_mm256_andnot_si256(low, _mm256_castps_si256(keys)), lanes);
+            let least = _mm_min_epu32(
+                _mm256_castsi256_si128(keys),
+                _mm256_extracti128_si256::<1>(keys),
+            );
+            let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b01_00_11_10>(least));
+            let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b10_11_00_01>(least));
+            _mm_cvtsi128_si32(least) as u32 & 7
+        };
+        (mask & ((1 << lane) - 1)).count_ones() as usize
+    }
+
     /// Eight lanes.
     #[derive(Clone, Copy)]
     pub struct Avx;
@@ -441,6 +510,82 @@ mod x86 {
         fn prefetch<T>(from: *const T) {
             lines(from);
         }
+        #[inline(always)]
+        fn pack<const NEAREST: bool>(
+            keys: X8,
+            mask: u32,
+            children: &[u32; 8],
+            words: &mut [u32; 8],
+            ts: &mut [f32; 8],
+        ) -> usize {
+            // SAFETY: see the head of the module.
+            unsafe {
+                let keys = keys.0;
+                let children = _mm256_loadu_si256(children.as_ptr().cast());
+                let lanes = _mm_cvtsi64_si128(PACKED[mask as usize & 255] as i64);
+                let lanes = _mm256_cvtepu8_epi32(lanes);
+                let packed = _mm256_permutevar8x32_epi32(children, lanes);
+                _mm256_storeu_si256(words.as_mut_ptr().cast(), packed);
+                _mm256_storeu_ps(ts.as_mut_ptr(), _mm256_permutevar8x32_ps(keys, lanes));
+                if NEAREST { nearest(keys, mask) } else { 0 }
+            }
+        }
+    }
+
+    /// Eight lanes, and instructions that pack them.
+    #[derive(Clone, Copy)]
+    pub struct Avx512;
+    impl Simd for Avx512 {
+        type F8 = X8;
+        type F4 = X4;
+        #[inline(always)]
+        fn prefetch<T>(from: *const T) {
+            lines(from);
+        }
+        #[inline(always)]
+        fn pack<const NEAREST: bool>(
+            keys: X8,
+            mask: u32,
+            children: &[u32; 8],
+            words: &mut [u32; 8],
+            ts: &mut [f32; 8],
+        ) -> usize {
+            // SAFETY: see the head of the module.
+            unsafe {
+                let keys = keys.0;
+                let children = _mm256_loadu_si256(children.as_ptr().cast());
+                let lanes = mask as __mmask8;
+                let packed = _mm256_maskz_compress_epi32(lanes, children);
+                _mm256_storeu_si256(words.as_mut_ptr().cast(), packed);
+                _mm256_storeu_ps(ts.as_mut_ptr(), _mm256_maskz_compress_ps(lanes, keys));
+                if NEAREST { nearest(keys, mask) } else { 0 }
+            }
+        }
+    }
+}
+
+/// One of the rows of eight numbers that a node consists of, by its offset in bytes: a bound, which is below 192.
+/// Spares the kernel a comparison.
+#[inline(always)]
+pub fn row(node: &Node, offset: u32) -> &[f32; 8] {
+    const _: () = assert!(size_of::<Node>() == 256);
+    // SAFETY: a node is 256 bytes without padding between or behind its fields, the offset is one of 0, 32, ...,
+    // 224, and all bits are f32.
+    unsafe {
+        let at = std::ptr::from_ref(node).cast::<[f32; 8]>();
+        &*at.byte_add((offset & 0xe0) as usize)
+    }
+}
+
+/// One coordinate of one corner of a block, by its offset in bytes among the coordinates: 0, 16 or 32.
+#[inline(always)]
+pub fn coordinate(block: &TriBlock, corner: usize, offset: u32) -> &[f32; 4] {
+    const _: () = assert!(size_of::<TriBlock>() == 160);
+    // SAFETY: a block is 160 bytes without padding; the highest offset is 2 * 48 + 48, where its primitives are, and
+    // all bits are f32.
+    unsafe {
+        let at = std::ptr::from_ref(block).cast::<[f32; 4]>();
+        &*at.byte_add(corner.min(2) * 48 + (offset & 0x30) as usize)
     }
 }
 
@@ -452,10 +597,10 @@ macro_rules! entry {
         pub fn $name(level: SimdLevel, $($arg: $type),*) -> $ret {
             #[cfg(target_arch = "x86_64")]
             {
-                #[target_feature(enable = "avx2")]
+                #[target_feature(enable = "avx2,popcnt,bmi1,bmi2")]
                 fn avx2($($arg: $type),*) -> $ret { $module::$kernel::<x86::Avx>($($arg),*) }
-                #[target_feature(enable = "avx2,avx512f,avx512vl")]
-                fn avx512($($arg: $type),*) -> $ret { $module::$kernel::<x86::Avx>($($arg),*) }
+                #[target_feature(enable = "avx2,popcnt,bmi1,bmi2,avx512f,avx512vl")]
+                fn avx512($($arg: $type),*) -> $ret { $module::$kernel::<x86::Avx512>($($arg),*) }
                 #[inline(never)]
                 fn sse2($($arg: $type),*) -> $ret { $module::$kernel::<x86::Sse2>($($arg),*) }
                 match level {
@@ -483,11 +628,11 @@ entry! {
 }
 entry! {
     /// Closest hits; see [`kernel::closest_many`].
-    closest_many, kernel::closest_many, (geometry: &super::Geometry, rays: &[crate::ray::Ray], hits: &mut [crate::ray::Hit]) -> ()
+    closest_many, kernel::closest_many, (geometry: &super::Geometry, rays: &[crate::ray::Ray], hits: &mut [crate::ray::Hit], in_flight: bool) -> ()
 }
 entry! {
     /// Any hits; see [`kernel::occluded_many`].
-    occluded_many, kernel::occluded_many, (geometry: &super::Geometry, rays: &[crate::ray::Ray], blocked: &mut [bool]) -> ()
+    occluded_many, kernel::occluded_many, (geometry: &super::Geometry, rays: &[crate::ray::Ray], blocked: &mut [bool], in_flight: bool) -> ()
 }
 entry! {
     /// Closest hit in a group; see [`kernel::closest_in_group`].
@@ -507,48 +652,62 @@ entry! {
     importances, cluster::importances, (cluster: &cluster::Cluster, p: glam::Vec3, aim: cluster::Aim) -> [f32; 8]
 }
 
-/// Nodes that a traversal still has to visit, with the distance at which a ray enters them. The
-/// builders bound the depth of a tree so that this is always enough.
-pub struct Stack {
-    items: [std::mem::MaybeUninit<(u32, f32)>; STACK_SIZE],
-    len: usize,
-}
+/// Memory of a [`Stack`].
+pub type StackItems = [std::mem::MaybeUninit<u64>; STACK_SIZE];
 
 /// Entries of a [`Stack`].
 pub const STACK_SIZE: usize = 320;
 
-impl Stack {
+/// Nodes that a traversal still has to visit, with the distance at which a ray enters them; see [`entry`]. The
+/// builders bound the depth of a tree so that this is always enough.
+pub struct Stack<'a> {
+    // Memory apart from the length, which then lives in a register.
+    items: &'a mut StackItems,
+    len: usize,
+}
+
+/// Memory that nothing has been written to.
+#[inline(always)]
+pub fn stack_items() -> StackItems {
+    [const { std::mem::MaybeUninit::uninit() }; STACK_SIZE]
+}
+
+/// An entry of a stack: the bits of t, which is not negative, so that they are in order, above the word.
+#[inline(always)]
+pub fn entry(word: u32, t: f32) -> u64 {
+    (t.to_bits() as u64) << 32 | word as u64
+}
+
+impl<'a> Stack<'a> {
     /// Empty; the memory is not touched.
     #[inline(always)]
-    pub fn empty() -> Stack {
-        Stack {
-            items: [const { std::mem::MaybeUninit::uninit() }; STACK_SIZE],
-            len: 0,
-        }
+    pub fn new(items: &'a mut StackItems) -> Self {
+        Stack { items, len: 0 }
     }
     /// On top. A full stack means that a builder broke its bound: the process must not go on.
     #[inline(always)]
-    pub fn push(&mut self, word: u32, t: f32) {
-        self.items[self.len].write((word, t));
+    pub fn push(&mut self, entry: u64) {
+        self.items[self.len].write(entry);
         self.len += 1;
     }
     /// From the top.
     #[inline(always)]
-    pub fn pop(&mut self) -> Option<(u32, f32)> {
+    pub fn pop(&mut self) -> Option<u64> {
         if self.len == 0 {
             return None;
         }
         self.len -= 1;
-        // SAFETY: every entry below the old length was written by `push`.
-        Some(unsafe { self.items[self.len].assume_init() })
+        // SAFETY: every entry below the old length was written by `push`, which does not let the length
+        // exceed the memory.
+        Some(unsafe { self.items.get_unchecked(self.len).assume_init() })
     }
     /// Number of entries.
     #[inline(always)]
     pub fn height(&self) -> usize {
         self.len
     }
-    /// Sorts the entries from `from` up so that the nearest is on top; equal distances keep the
-    /// order of their words, whatever order they were pushed in.
+    /// Sorts the entries from `from` up so that the nearest is on top; equal distances are in the order of their
+    /// words, whatever order they were pushed in.
     #[inline(always)]
     pub fn sort_from(&mut self, from: usize) {
         for i in from + 1..self.len {
@@ -558,7 +717,7 @@ impl Stack {
             while j > from {
                 // SAFETY: as above.
                 let below = unsafe { self.items[j - 1].assume_init() };
-                if below.1 >= key.1 {
+                if below >= key {
                     break;
                 }
                 self.items[j].write(below);

@@ -259,6 +259,88 @@ fn nothing_is_hit_in_nothing() {
     assert!(!empty.closest(&ray).is_some() && !empty.occluded(&ray));
 }
 
+/// Arrays of rays, one after the other and in flight, have the hits of single rays.
+fn check_many(name: &str, geometry: &Geometry, rays: &[Ray]) {
+    let hits: Vec<Hit> = rays.iter().map(|r| geometry.closest(r)).collect();
+    let blocked: Vec<bool> = rays.iter().map(|r| geometry.occluded(r)).collect();
+    for level in levels() {
+        for in_flight in [false, true] {
+            // Fewer than are in flight, and more.
+            for count in [0, 1, 3, 8, 9, rays.len()] {
+                let some = &rays[..count.min(rays.len())];
+                let mut many = vec![Hit::none(0.0); some.len()];
+                simd::closest_many(level, geometry, some, &mut many, in_flight);
+                let mut any = vec![true; some.len()];
+                simd::occluded_many(level, geometry, some, &mut any, in_flight);
+                let case = format!("{name} at {level:?}, {count} rays, in flight {in_flight}");
+                for i in 0..some.len() {
+                    assert_eq!(many[i], hits[i], "{case}, ray {i} {:?}", some[i]);
+                    assert_eq!(any[i], blocked[i], "{case}, ray {i} {:?}", some[i]);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn arrays_of_rays_are_as_single_rays_on_soups() {
+    let mut rng = StdRng::seed_from_u64(4);
+    for count in [0, 1, 4, 7, 40, 3000] {
+        let soup: Vec<Tri> = (0..count)
+            .map(|_| {
+                let p = point(&mut rng, 2.0);
+                [p, p + point(&mut rng, 0.4), p + point(&mut rng, 0.4)]
+            })
+            .collect();
+        let aims = if soup.is_empty() {
+            vec![[Vec3::ZERO, Vec3::X, Vec3::Y]]
+        } else {
+            soup.clone()
+        };
+        let mut rays = rays(&mut rng, 1000, &aims);
+        for (i, ray) in rays.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0) {
+            ray.t_max = 0.25 * (i % 7) as f32;
+        }
+        let name = format!("soup of {count}");
+        check_many(&name, &geometry(&soup, SimdLevel::best()), &rays);
+    }
+}
+
+/// The same with whatever is not a block of triangles: instances, what moves and deforms, spheres and
+/// disks, holes.
+#[test]
+fn arrays_of_rays_are_as_single_rays_in_scenes() {
+    let scenes = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
+    for name in ["instances", "motion-blur", "textures", "whitted"] {
+        let (assets, main) = ::scene::assets::open(&scenes.join(name)).expect("a scene");
+        let overrides = ::scene::Overrides::default();
+        let (desc, _) = ::scene::load(&main, assets.as_ref(), &overrides).expect("a scene");
+        let settings = crate::PrepareSettings {
+            seed: 0,
+            frame: 0,
+            clamp_indirect: None,
+            threads: 1,
+            picture_bytes: u64::MAX,
+        };
+        let stop = crate::StopFlag::default();
+        let prepared =
+            crate::prepare(&desc, assets.as_ref(), &settings, &stop).expect("a scene prepares");
+        let geometry = &prepared.geometry;
+        let mut rng = StdRng::seed_from_u64(5);
+        let rays: Vec<Ray> = (0..2000)
+            .map(|i| {
+                let time = 0.001 * (i % 40) as f32;
+                let target = point(&mut rng, 2.0);
+                let origin = point(&mut rng, 6.0);
+                Ray::new(origin, target - origin, time)
+            })
+            .collect();
+        let hits = rays.iter().filter(|r| geometry.closest(r).is_some());
+        assert!(hits.count() > 200, "{name} is hardly hit");
+        check_many(name, geometry, &rays);
+    }
+}
+
 /// Blocks hold every triangle once, nodes are full, leaves of two blocks occur.
 #[test]
 fn collapse_fills_nodes() {
