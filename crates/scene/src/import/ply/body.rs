@@ -7,6 +7,8 @@ use crate::number::number;
 
 /// The longest polygon.
 const MAX_CORNERS: u64 = 1 << 16;
+/// The most triangles: as many as half the memory of an import holds.
+const MAX_TRIANGLES: usize = (MAX_IMPORT_BYTES / 2 / 12) as usize;
 
 /// A reader of one number after the other.
 pub(super) trait Numbers {
@@ -23,6 +25,9 @@ pub(super) trait Numbers {
     /// The next `size` bytes as they are, if numbers are binary and in the machine-independent order
     /// that [`Numbers::float`] reads.
     fn block(&mut self, size: usize) -> Option<&[u8]>;
+    /// Takes faces off the front as long as they are triangles of 32-bit indices after a count of one
+    /// byte, at most `count` of them.
+    fn triangles(&mut self, count: usize, into: &mut Vec<[u32; 3]>);
     /// A float of a block.
     fn float(bytes: &[u8], at: usize) -> f32;
     /// An integer of a block.
@@ -92,6 +97,14 @@ impl<const BIG: bool> Numbers for Binary<'_, BIG> {
         let block = self.data.get(self.at..)?.get(..size)?;
         self.at += size;
         Some(block)
+    }
+    fn triangles(&mut self, count: usize, into: &mut Vec<[u32; 3]>) {
+        let rest = self.data.get(self.at..).unwrap_or_default();
+        let (records, _) = rest.as_chunks::<13>();
+        let before = into.len();
+        let triangles = records.iter().take(count).take_while(|r| r[0] == 3);
+        into.extend(triangles.map(|r| [1, 5, 9].map(|at| Self::integer(r, at))));
+        self.at += 13 * (into.len() - before);
     }
     fn float(bytes: &[u8], at: usize) -> f32 {
         f32::from_bits(Self::integer(bytes, at))
@@ -177,6 +190,7 @@ impl Numbers for Ascii<'_> {
     fn block(&mut self, _: usize) -> Option<&[u8]> {
         None
     }
+    fn triangles(&mut self, _: usize, _: &mut Vec<[u32; 3]>) {}
     fn float(_: &[u8], _: usize) -> f32 {
         0.0
     }
@@ -400,7 +414,21 @@ fn faces<N: Numbers>(
         ),
         _ => false,
     };
-    for _ in 0..count {
+    let before = mesh.indices.len();
+    // The usual case by far.
+    if plain
+        && matches!(
+            element.properties[0].kind,
+            Kind::List {
+                count: Scalar::U8,
+                ..
+            }
+        )
+    {
+        let room = MAX_TRIANGLES.saturating_sub(before);
+        numbers.triangles(count.min(room), &mut mesh.indices);
+    }
+    for _ in mesh.indices.len() - before..count {
         for property in &element.properties {
             let Kind::List { count, item } = property.kind else {
                 skip(&property.kind, numbers)?;
@@ -427,7 +455,7 @@ fn faces<N: Numbers>(
             if polygon.len() < 3 {
                 return Err(numbers.fail(format!("a face with {} corners", polygon.len())));
             }
-            if mesh.indices.len() as u64 * 12 > MAX_IMPORT_BYTES / 2 {
+            if mesh.indices.len() > MAX_TRIANGLES {
                 return Err(numbers.fail(format!(
                     "more triangles than the limit of an import, {MAX_IMPORT_BYTES} bytes, holds"
                 )));

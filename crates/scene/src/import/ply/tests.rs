@@ -54,6 +54,34 @@ fn all_spellings_give_the_same_mesh() {
     assert_eq!(read(&packed.finish().unwrap()).unwrap().0, square());
 }
 
+/// Triangles are taken as they lie until a face is something else.
+#[test]
+fn triangles_and_polygons_mix() {
+    let faces: [&[u32]; 4] = [&[0, 1, 2], &[2, 3, 0], &[0, 1, 2, 3], &[1, 2, 3]];
+    let mesh = square();
+    let bytes = |faces: &[&[u32]]| {
+        let mut out = write(&PlyMesh {
+            indices: vec![],
+            ..mesh.clone()
+        });
+        for face in faces {
+            out.push(face.len() as u8);
+            out.extend(face.iter().flat_map(|i| i.to_le_bytes()));
+        }
+        let header = String::from_utf8_lossy(&out[..out.len().min(400)]).into_owned();
+        let at = header.find("face 0").unwrap() + 5;
+        out[at] = b'0' + faces.len() as u8;
+        out
+    };
+    let expect = vec![[0, 1, 2], [2, 3, 0], [0, 1, 2], [0, 2, 3], [1, 2, 3]];
+    assert_eq!(read(&bytes(&faces)).unwrap().0.indices, expect);
+    assert_eq!(read(&bytes(&faces[..2])).unwrap().0.indices, expect[..2]);
+    let mut short = bytes(&faces[..2]);
+    short.pop();
+    let error = read(&short).unwrap_err();
+    assert!(error.reason.contains("ends too early"), "{error}");
+}
+
 #[test]
 fn broken_files_are_refused() {
     let check = |from: &str, to: &str, expect: &str| {
