@@ -16,6 +16,7 @@ use crate::hash;
 use crate::ray::{Hit, NONE, Ray};
 use crate::texture::{Point, Textures};
 use node::{Tree, TriBlock};
+use std::collections::HashSet;
 
 /// A placed group.
 #[derive(Clone, Debug)]
@@ -167,9 +168,14 @@ impl Geometry {
 
     /// Memory held.
     pub fn memory_bytes(&self) -> usize {
+        let mut counted = HashSet::new();
         self.world.memory_bytes()
             + self.groups.iter().map(Tree::memory_bytes).sum::<usize>()
-            + self.meshes.iter().map(TriMesh::memory_bytes).sum::<usize>()
+            + self
+                .meshes
+                .iter()
+                .map(|mesh| mesh.memory_bytes(&mut counted))
+                .sum::<usize>()
             + self
                 .curves
                 .iter()

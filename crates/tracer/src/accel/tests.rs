@@ -6,15 +6,16 @@ use super::*;
 use crate::ray::{Hit, Ray};
 use glam::Vec3;
 use rand::{Rng, SeedableRng, rngs::StdRng};
+use std::sync::Arc;
 
 type Tri = [Vec3; 3];
 
 fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
+    let corners = triangles.iter().flatten();
+    let of_triangle = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
     let mesh = TriMesh {
-        positions: triangles.iter().flatten().copied().collect(),
-        indices: (0..triangles.len() as u32)
-            .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
-            .collect(),
+        positions: Arc::new(corners.map(|p| p.to_array()).collect()),
+        indices: Arc::new((0..triangles.len() as u32).map(of_triangle).collect()),
         ..TriMesh::default()
     };
     let items: Vec<Item> = triangles

@@ -271,10 +271,8 @@ pub(crate) fn largest(v: Vec3) -> f32 {
 /// Derivatives of the position by the texture coordinates of a triangle; any two directions in the
 /// plane where there are no usable coordinates.
 fn derivatives(mesh: &TriMesh, triangle: u32, [a, b, c]: [Vec3; 3], ng: Vec3) -> (Vec3, Vec3) {
-    let uv = match mesh.uvs.first() {
-        Some(set) => mesh.indices[triangle as usize].map(|i| set[i as usize]),
-        None => [Vec2::ZERO, Vec2::X, Vec2::ONE],
-    };
+    let uv = mesh.uvs_of(0, triangle);
+    let uv = uv.unwrap_or([Vec2::ZERO, Vec2::X, Vec2::ONE]);
     let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
     let (e1, e2) = (b - a, c - a);
     let det = d1.x * d2.y - d1.y * d2.x;

@@ -127,10 +127,8 @@ fn triangles(
         let covered = if shape.is_some() { 2 } else { 1 };
         let shape = shape.unwrap_or_else(|| {
             let [a, b, c] = mesh.corners(t);
-            let uv = match mesh.uvs.first() {
-                Some(set) => mesh.indices[t as usize].map(|i| set[i as usize]),
-                None => [Vec2::ZERO, Vec2::X, Vec2::ONE],
-            };
+            let uv = mesh.uvs_of(0, t);
+            let uv = uv.unwrap_or([Vec2::ZERO, Vec2::X, Vec2::ONE]);
             AreaShape::Triangle {
                 p: a,
                 e1: b - a,

@@ -373,8 +373,8 @@ fn tree(plan: &Plan, first_surface: u32, parts: &Parts, placed: &[Item]) -> Tree
                 });
             } else {
                 for key in &mesh.keys {
-                    let corners =
-                        mesh.indices[triangle as usize].map(|i| key.positions[i as usize]);
+                    let point = |i: u32| Vec3::from_array(key.positions[i as usize]);
+                    let corners = mesh.indices[triangle as usize].map(point);
                     bounds = bounds.union(Bounds::of(corners));
                 }
                 items.push(Item {

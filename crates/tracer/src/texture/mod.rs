@@ -66,18 +66,17 @@ impl Point {
     /// (0, 0), (1, 0), (1, 1), as in pbrt.
     #[inline]
     pub fn fill(&mut self, mesh: &TriMesh, triangle: u32, u: f32, v: f32) {
-        let [a, b, c] = mesh.indices[triangle as usize].map(|i| i as usize);
         let w = 1.0 - u - v;
-        match mesh.uvs.first() {
-            Some(set) => self.uv[0] = set[a] * w + set[b] * u + set[c] * v,
-            None => self.uv[0] = Vec2::new(u + v, v),
-        }
+        self.uv[0] = match mesh.uvs_of(0, triangle) {
+            Some([a, b, c]) => a * w + b * u + c * v,
+            None => Vec2::new(u + v, v),
+        };
         self.uv[1] = self.uv[0];
-        if let Some(set) = mesh.uvs.get(1) {
-            self.uv[1] = set[a] * w + set[b] * u + set[c] * v;
+        if let Some([a, b, c]) = mesh.uvs_of(1, triangle) {
+            self.uv[1] = a * w + b * u + c * v;
         }
         if !mesh.colors.is_empty() {
-            let (a, b, c) = (mesh.colors[a], mesh.colors[b], mesh.colors[c]);
+            let [a, b, c] = mesh.indices[triangle as usize].map(|i| mesh.colors[i as usize]);
             self.color = std::array::from_fn(|i| a[i] * w + b[i] * u + c[i] * v);
         }
     }
