@@ -1,15 +1,21 @@
 //! From boxes to the wide tree: a binary tree by `obvhs` (PLOC and reinsertion), then the
 //! cheapest collapse to eight children (`collapse.rs`).
 //!
-//! Each tree is built on one thread: parallel builds of `obvhs` are not known to give the same tree
-//! every time. Different trees are built at the same time.
+//! Each binary tree is built on one thread: parallel builds of `obvhs` are not known to give the same
+//! tree every time. Different trees, and the parts of a large one (`parts.rs`), are built at the same
+//! time.
 
 use super::collapse::Plan;
-use super::node::{EMPTY, LEAF, LeafKind, Node, TriBlock, leaf};
+use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, Node, TriBlock, leaf, leaf_kind};
+use super::parts::{self, Division};
 use glam::Vec3;
-use obvhs::bvh2::builder::build_bvh2;
+use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::PlocBuilder;
 use obvhs::{Boundable, BvhBuildParams};
+use rayon::prelude::*;
+use std::ops::Range;
 
 /// An axis-aligned box; empty while `min` is above `max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -119,29 +125,132 @@ pub struct Built {
     pub blocks: Vec<TriBlock>,
 }
 
-/// Builds a tree. `corners` gives the corners of a triangle by its primitive.
-pub fn build(items: &[Item], corners: &dyn Fn(u32) -> [Vec3; 3]) -> Built {
+/// Gives the corners of a triangle by its primitive.
+pub type Corners<'a> = &'a (dyn Fn(u32) -> [Vec3; 3] + Sync);
+
+/// Builds a tree.
+pub fn build(items: Vec<Item>, corners: Corners) -> Built {
+    build_in_parts(items, corners, parts::PART_MAX)
+}
+
+/// Builds a tree from parts of at most `part` items.
+pub(super) fn build_in_parts(items: Vec<Item>, corners: Corners, part: usize) -> Built {
     if items.is_empty() {
-        return Built {
+        Built {
             nodes: vec![],
             root: EMPTY,
             blocks: vec![],
-        };
+        }
+    } else if items.len() <= part {
+        build_below(&items, corners, 0, &mut Scratch::default())
+    } else {
+        join(items, corners, part)
     }
+}
+
+/// A tree whose root lies below `depth` others.
+fn build_below(items: &[Item], corners: Corners, depth: usize, scratch: &mut Scratch) -> Built {
     let binary = if items.len() == 1 {
         Binary::balanced(items)
     } else {
-        Binary::ploc(items)
+        Binary::ploc(items, scratch)
     };
-    let built = Collapse::run(&binary, items, corners);
+    // Coincident or nested boxes by the thousand can make a chain of a tree.
+    let built = Collapse::run(&binary, items, corners, depth)
+        .or_else(|| Collapse::run(&Binary::balanced(items), items, corners, depth));
     match built {
         Some(built) => built,
-        // Coincident or nested boxes by the thousand can make a chain of a tree.
-        None => match Collapse::run(&Binary::balanced(items), items, corners) {
-            Some(built) => built,
-            None => unreachable!("a balanced tree over 2^28 items is at most 28 deep"),
-        },
+        None => unreachable!("a balanced tree over 2^28 items is at most 28 deep"),
     }
+}
+
+// Halving 2^28 items, below the cuts that are free, stays above the deepest node.
+const _: () = assert!(parts::FREE_DEPTH + 28 < DEPTH_MAX);
+
+/// A tree over each part of the items and one that joins them.
+fn join(mut items: Vec<Item>, corners: Corners, part: usize) -> Built {
+    let division = parts::divide(&mut items, part);
+    let mut ranges = vec![];
+    let binary = Binary::over(&division, &mut ranges);
+    // While the joining tree is made, a part stands in it as a thing that is placed.
+    let stand_ins: Vec<Item> = ranges
+        .iter()
+        .enumerate()
+        .map(|(i, (_, bounds))| Item {
+            bounds: *bounds,
+            kind: LeafKind::Instance,
+            id: i as u32,
+        })
+        .collect();
+    let Some(mut out) = Collapse::run(&binary, &stand_ins, corners, 0) else {
+        unreachable!("a division is shallow");
+    };
+    let mut places = vec![(0, 0); ranges.len()];
+    let mut depths = vec![0; out.nodes.len()];
+    for (at, node) in out.nodes.iter().enumerate() {
+        for (slot, &word) in node.children.iter().enumerate() {
+            if word & LEAF == 0 {
+                depths[word as usize] = depths[at] + 1;
+            } else if word != EMPTY {
+                places[(word & INDEX_MASK) as usize] = (at, slot);
+            }
+        }
+    }
+    let parts: Vec<_> = ranges.into_iter().zip(places).collect();
+    // Some at a time, so that what waits to be appended is bounded. From the back, so that items can go
+    // as their nodes come; in this order however many are built at a time.
+    let at_once = 4 * rayon::current_num_threads();
+    for some in parts.rchunks(at_once) {
+        let built: Vec<Built> = some
+            .par_iter()
+            .map_init(Scratch::default, |scratch, ((range, _), (above, _))| {
+                build_below(&items[range.clone()], corners, depths[*above] + 1, scratch)
+            })
+            .collect();
+        for (built, (_, (above, slot))) in built.into_iter().zip(some).rev() {
+            out.nodes[*above].children[*slot] = out.append(built);
+        }
+        if let Some(((range, _), _)) = some.first() {
+            items.truncate(range.start);
+            items.shrink_to_fit();
+        }
+    }
+    out
+}
+
+/// Whether leaves of a kind are found in the list of blocks.
+fn is_in_blocks(kind: u32) -> bool {
+    kind == LeafKind::Triangles as u32 || kind == LeafKind::Pair as u32
+}
+
+impl Built {
+    /// Takes in another tree and returns the word of its root here.
+    fn append(&mut self, other: Built) -> u32 {
+        let (nodes, blocks) = (self.nodes.len() as u32, self.blocks.len() as u32);
+        let moved = |word: u32| {
+            if word & LEAF == 0 {
+                word + nodes
+            } else if word != EMPTY && is_in_blocks(leaf_kind(word)) {
+                word + blocks
+            } else {
+                word
+            }
+        };
+        self.nodes.extend(other.nodes.into_iter().map(|mut node| {
+            node.children = node.children.map(moved);
+            node
+        }));
+        self.blocks.extend(other.blocks);
+        moved(other.root)
+    }
+}
+
+/// What building binary trees one after the other has allocated.
+#[derive(Default)]
+struct Scratch {
+    ploc: PlocBuilder,
+    bvh: Bvh2,
+    reinsertion: ReinsertionOptimizer,
 }
 
 /// A binary tree with one item in each leaf.
@@ -165,13 +274,22 @@ pub struct BinaryNode {
 }
 
 impl Binary {
-    fn ploc(items: &[Item]) -> Binary {
-        let params = BvhBuildParams {
-            max_prims_per_leaf: 1,
-            post_collapse_reinsertion_batch_ratio_multiplier: 0.0,
-            ..BvhBuildParams::medium_build()
-        };
-        let bvh = build_bvh2(items, params, &mut std::time::Duration::default());
+    fn ploc(items: &[Item], scratch: &mut Scratch) -> Binary {
+        let Scratch {
+            ploc,
+            bvh,
+            reinsertion,
+        } = scratch;
+        let params = BvhBuildParams::medium_build();
+        ploc.build_with_bvh(
+            bvh,
+            params.ploc_search_distance,
+            items,
+            (0..items.len() as u32).collect(),
+            params.sort_precision,
+            params.search_depth_threshold,
+        );
+        reinsertion.run(bvh, params.reinsertion_batch_ratio, None);
         let from = |n: &Bvh2Node| {
             let (lo, hi) = (n.aabb.min, n.aabb.max);
             let is_leaf = n.prim_count > 0;
@@ -195,6 +313,49 @@ impl Binary {
         };
         tree.count(items);
         tree
+    }
+
+    /// Over the parts of a division, which are listed as they come.
+    fn over(division: &Division, parts: &mut Vec<(Range<usize>, Bounds)>) -> Binary {
+        let blank = BinaryNode {
+            bounds: Bounds::default(),
+            first: 0,
+            is_leaf: true,
+            count: 0,
+            triangles: false,
+        };
+        let mut nodes = vec![blank];
+        let mut order = vec![];
+        let mut todo = vec![(0, division)];
+        while let Some((at, division)) = todo.pop() {
+            match division {
+                Division::Part(range, bounds) => {
+                    nodes[at] = BinaryNode {
+                        bounds: *bounds,
+                        first: parts.len() as u32,
+                        count: 1,
+                        ..blank
+                    };
+                    parts.push((range.clone(), *bounds));
+                }
+                Division::Pair(pair) => {
+                    let left = nodes.len();
+                    nodes.extend([blank, blank]);
+                    nodes[at].first = left as u32;
+                    nodes[at].is_leaf = false;
+                    order.push(at);
+                    todo.extend([(left + 1, &pair[1]), (left, &pair[0])]);
+                }
+            }
+        }
+        // Children come after their parents.
+        for at in order.into_iter().rev() {
+            let first = nodes[at].first as usize;
+            let (a, b) = (nodes[first], nodes[first + 1]);
+            nodes[at].bounds = a.bounds.union(b.bounds);
+            nodes[at].count = a.count + b.count;
+        }
+        Binary { nodes }
     }
 
     /// Halves by index: never deeper than the logarithm.
@@ -269,16 +430,17 @@ struct Collapse<'a> {
     binary: &'a Binary,
     plan: Plan,
     items: &'a [Item],
-    corners: &'a dyn Fn(u32) -> [Vec3; 3],
+    corners: Corners<'a>,
     out: Built,
 }
 
 impl<'a> Collapse<'a> {
-    /// `None` if the wide tree would be deeper than [`DEPTH_MAX`].
+    /// `None` if the wide tree, below `depth` others, would be deeper than [`DEPTH_MAX`].
     fn run(
         binary: &'a Binary,
         items: &'a [Item],
-        corners: &'a dyn Fn(u32) -> [Vec3; 3],
+        corners: Corners<'a>,
+        depth: usize,
     ) -> Option<Built> {
         let out = Built {
             nodes: vec![],
@@ -292,7 +454,7 @@ impl<'a> Collapse<'a> {
             corners,
             out,
         };
-        collapse.out.root = collapse.emit(0, 0)?;
+        collapse.out.root = collapse.emit(0, depth)?;
         Some(collapse.out)
     }
 

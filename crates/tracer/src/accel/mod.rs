@@ -4,6 +4,7 @@ pub mod build;
 pub mod collapse;
 pub mod kernel;
 pub mod node;
+mod parts;
 pub mod simd;
 pub mod stream;
 

@@ -1,7 +1,8 @@
 //! The wide tree against brute force, on friendly and on nasty soups, at every SIMD level.
 
-use super::build::{Bounds, Item, build};
+use super::build::{Bounds, Built, Item, build_in_parts};
 use super::node::{LeafKind, PrimRef, Tree};
+use super::parts::PART_MAX;
 use super::*;
 use crate::ray::{Hit, Ray};
 use glam::Vec3;
@@ -11,13 +12,10 @@ use std::sync::Arc;
 type Tri = [Vec3; 3];
 
 fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
-    let corners = triangles.iter().flatten();
-    let of_triangle = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
-    let mesh = TriMesh {
-        positions: Arc::new(corners.map(|p| p.to_array()).collect()),
-        indices: Arc::new((0..triangles.len() as u32).map(of_triangle).collect()),
-        ..TriMesh::default()
-    };
+    geometry_in_parts(triangles, level, PART_MAX)
+}
+
+fn built(triangles: &[Tri], part: usize) -> Built {
     let items: Vec<Item> = triangles
         .iter()
         .enumerate()
@@ -27,7 +25,18 @@ fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
             id: i as u32,
         })
         .collect();
-    let built = build(&items, &|prim| triangles[prim as usize]);
+    build_in_parts(items, &|prim| triangles[prim as usize], part)
+}
+
+fn geometry_in_parts(triangles: &[Tri], level: SimdLevel, part: usize) -> Geometry {
+    let corners = triangles.iter().flatten();
+    let of_triangle = |i: u32| [3 * i, 3 * i + 1, 3 * i + 2];
+    let mesh = TriMesh {
+        positions: Arc::new(corners.map(|p| p.to_array()).collect()),
+        indices: Arc::new((0..triangles.len() as u32).map(of_triangle).collect()),
+        ..TriMesh::default()
+    };
+    let built = built(triangles, part);
     let world = Tree {
         nodes: built.nodes,
         root: built.root,
@@ -128,10 +137,11 @@ fn rays(rng: &mut StdRng, count: usize, triangles: &[Tri]) -> Vec<Ray> {
 }
 
 fn check(name: &str, triangles: &[Tri], rays: &[Ray]) {
-    let trees: Vec<Geometry> = levels()
+    let mut trees: Vec<Geometry> = levels()
         .into_iter()
         .map(|l| geometry(triangles, l))
         .collect();
+    trees.extend([1, 7].map(|part| geometry_in_parts(triangles, SimdLevel::Scalar, part)));
     for (i, ray) in rays.iter().enumerate() {
         let expected = brute(triangles, ray);
         for tree in &trees {
@@ -364,4 +374,32 @@ fn collapse_fills_nodes() {
         "{children} children of {} nodes",
         tree.nodes.len()
     );
+}
+
+/// However many threads build the parts of a tree, the tree is the same.
+#[test]
+fn threads_change_no_bit_of_a_tree() {
+    let mut rng = StdRng::seed_from_u64(4);
+    let soup: Vec<Tri> = (0..20_000)
+        .map(|_| {
+            let p = point(&mut rng, 2.0);
+            [p, p + point(&mut rng, 0.1), p + point(&mut rng, 0.1)]
+        })
+        .collect();
+    let [one, three] = [1, 3].map(|threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+        pool.expect("threads start").install(|| built(&soup, 100))
+    });
+    assert_eq!(one.root, three.root);
+    let nodes = |tree: &Built| format!("{:?}", tree.nodes);
+    let blocks = |tree: &Built| format!("{:?}", tree.blocks);
+    assert_eq!(nodes(&one), nodes(&three));
+    assert_eq!(blocks(&one), blocks(&three));
+    let held: usize = one
+        .blocks
+        .iter()
+        .flat_map(|b| b.prims)
+        .filter(|p| *p != u32::MAX)
+        .count();
+    assert_eq!(held, soup.len());
 }

@@ -1,7 +1,8 @@
 //! The compile step: from a description to a [`Scene`] with trees, tables and decoded pictures.
 //!
 //! Static shapes are placed once and for all; what moves becomes an instance. Work is spread over
-//! threads by whole pictures, meshes and trees, so that the number of threads changes no bit.
+//! threads by pictures, meshes, trees and parts of large trees, none of which depends on how many threads
+//! there are: their number changes no bit.
 
 mod lights;
 mod trees;

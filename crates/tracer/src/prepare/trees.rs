@@ -27,6 +27,8 @@ pub struct Placing {
 
 /// Instances that a scene may have after nested groups are spread out.
 const INSTANCES_MAX: usize = 1 << 26;
+/// Triangles that one thread takes in one go.
+const RUN: usize = 1 << 14;
 
 /// A primitive on its way into a tree: its surface, and its shape if it has no mesh.
 struct Draft<'a> {
@@ -356,34 +358,34 @@ fn tree(plan: &Plan, first_surface: u32, parts: &Parts, placed: &[Item]) -> Tree
             continue;
         }
         let mesh = &meshes[surface.mesh as usize];
-        tree.prims.reserve(mesh.indices.len());
-        items.reserve(mesh.indices.len());
-        for triangle in 0..mesh.indices.len() as u32 {
-            let prim = tree.prims.len() as u32;
-            tree.prims.push(PrimRef {
-                surface: index,
-                index: triangle,
-            });
-            let mut bounds = Bounds::of(mesh.corners(triangle));
-            if mesh.keys.is_empty() {
-                items.push(Item {
-                    bounds,
-                    kind: LeafKind::Triangles,
-                    id: prim,
-                });
-            } else {
-                for key in &mesh.keys {
+        let count = mesh.indices.len() as u32;
+        let first = tree.prims.len() as u32;
+        tree.prims.extend((0..count).map(|triangle| PrimRef {
+            surface: index,
+            index: triangle,
+        }));
+        let triangles = (0..count).into_par_iter().with_min_len(RUN);
+        if mesh.keys.is_empty() {
+            items.par_extend(triangles.map(|triangle| Item {
+                bounds: Bounds::of(mesh.corners(triangle)),
+                kind: LeafKind::Triangles,
+                id: first + triangle,
+            }));
+        } else {
+            let deforming = tree.deforming.len() as u32;
+            items.par_extend(triangles.map(|triangle| {
+                let at_rest = Bounds::of(mesh.corners(triangle));
+                let bounds = mesh.keys.iter().fold(at_rest, |bounds, key| {
                     let point = |i: u32| Vec3::from_array(key.positions[i as usize]);
-                    let corners = mesh.indices[triangle as usize].map(point);
-                    bounds = bounds.union(Bounds::of(corners));
-                }
-                items.push(Item {
+                    bounds.union(Bounds::of(mesh.indices[triangle as usize].map(point)))
+                });
+                Item {
                     bounds: bounds.padded(0.0),
                     kind: LeafKind::Deforming,
-                    id: tree.deforming.len() as u32,
-                });
-                tree.deforming.push(prim);
-            }
+                    id: deforming + triangle,
+                }
+            }));
+            tree.deforming.extend(first..first + count);
         }
     }
     for item in placed {
@@ -403,7 +405,7 @@ fn tree(plan: &Plan, first_surface: u32, parts: &Parts, placed: &[Item]) -> Tree
         let at = prims[prim as usize];
         meshes[surfaces[at.surface as usize].mesh as usize].corners(at.index)
     };
-    let built = build::build(&items, &corners);
+    let built = build::build(items, &corners);
     tree.nodes = built.nodes;
     tree.root = built.root;
     tree.blocks = built.blocks;
