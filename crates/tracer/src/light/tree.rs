@@ -233,166 +233,360 @@ fn children<const N: usize, const M: usize>(
     })
 }
 
+/// Bounds and the angle of their cone of normals, which nearly every use would have to find again.
+#[derive(Clone, Copy, Debug)]
+struct Known {
+    bounds: LightBounds,
+    /// Largest angle between a normal and the axis.
+    normals: f64,
+}
+
+impl Known {
+    fn new(bounds: LightBounds) -> Known {
+        Known {
+            bounds,
+            normals: angle(bounds.cos_normals),
+        }
+    }
+}
+
+fn angle(cos: f32) -> f64 {
+    libm::acos(cos.clamp(-1.0, 1.0) as f64)
+}
+
+/// Below so many lights another thread is not worth asking.
+const ALONE: usize = 1 << 10;
+
 /// The binary tree; node 0 is the root.
 fn binary(lights: &[(u32, LightBounds)]) -> Vec<Node> {
-    let mut lights = lights.to_vec();
+    let mut lights: Vec<(u32, Known)> = lights.iter().map(|l| (l.0, Known::new(l.1))).collect();
+    let mut spare = lights.clone();
     let blank = Node {
-        bounds: lights[0].1,
+        bounds: lights[0].1.bounds,
         first: 0,
         is_leaf: true,
     };
-    let mut nodes = vec![blank];
-    let mut todo = vec![(0usize, 0usize, lights.len(), 0u32)];
-    while let Some((at, from, to, depth)) = todo.pop() {
-        let part = &mut lights[from..to];
-        let bounds = part[1..].iter().fold(part[0].1, |b, l| union(&b, &l.1));
-        if part.len() == 1 {
-            nodes[at] = Node {
-                bounds,
-                first: part[0].0,
-                is_leaf: true,
-            };
-            continue;
-        }
-        let middle = from + split(part, &bounds, depth);
-        let left = nodes.len();
-        nodes.extend([blank, blank]);
-        nodes[at] = Node {
-            bounds,
-            first: left as u32,
-            is_leaf: false,
-        };
-        todo.push((left, from, middle, depth + 1));
-        todo.push((left + 1, middle, to, depth + 1));
+    let mut nodes = vec![blank; 2 * lights.len() - 1];
+    if let Some((root, below)) = nodes.split_first_mut() {
+        grow(&mut lights, &mut spare, root, below, 1, 0);
     }
     nodes
 }
 
-/// Around both.
-fn union(a: &LightBounds, b: &LightBounds) -> LightBounds {
-    let (axis, cos_normals) = union_cones((a.axis, a.cos_normals), (b.axis, b.cos_normals));
-    LightBounds {
-        min: a.min.min(b.min),
-        max: a.max.max(b.max),
-        axis,
-        strength: a.strength + b.strength,
-        cos_normals,
-        cos_emission: a.cos_emission.min(b.cos_emission),
-        two_sided: a.two_sided || b.two_sided,
+/// Makes the node over some lights, and those below it in a list that has just enough places and whose
+/// first one has the index `first`. `spare` is as long as `lights`.
+fn grow(
+    lights: &mut [(u32, Known)],
+    spare: &mut [(u32, Known)],
+    root: &mut Node,
+    below: &mut [Node],
+    first: u32,
+    depth: u32,
+) {
+    let all = lights[1..]
+        .iter()
+        .fold(lights[0].1, |all, l| union(&all, &l.1));
+    if lights.len() == 1 {
+        *root = Node {
+            bounds: all.bounds,
+            first: lights[0].0,
+            is_leaf: true,
+        };
+        return;
+    }
+    *root = Node {
+        bounds: all.bounds,
+        first,
+        is_leaf: false,
+    };
+    let middle = split(lights, spare, &all.bounds, depth);
+    let alone = lights.len() < ALONE;
+    let (lights, spare) = (lights.split_at_mut(middle), spare.split_at_mut(middle));
+    let (pair, rest) = below.split_at_mut(2);
+    let (left, right) = pair.split_at_mut(1);
+    let below_left = 2 * middle - 2;
+    let (rest_left, rest_right) = rest.split_at_mut(below_left);
+    let next = first + 2;
+    let (left_first, right_first) = (next, next + below_left as u32);
+    let depth = depth + 1;
+    let mut left = || {
+        grow(
+            lights.0,
+            spare.0,
+            &mut left[0],
+            rest_left,
+            left_first,
+            depth,
+        )
+    };
+    let mut right = || {
+        grow(
+            lights.1,
+            spare.1,
+            &mut right[0],
+            rest_right,
+            right_first,
+            depth,
+        )
+    };
+    if alone {
+        left();
+        right();
+    } else {
+        rayon::join(left, right);
     }
 }
 
-/// The smallest cone around two cones, given by axis and cosine of the half angle; widened by a hair
-/// so that rounding leaves nothing outside.
-fn union_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
-    let cos = a.0.dot(b.0);
-    // A single direction within the other cone, which is nearly always so, needs no angles.
-    if b.1 >= 1.0 && cos >= a.1 {
-        return a;
+/// Around both.
+fn union(a: &Known, b: &Known) -> Known {
+    let (axis, cos_normals, normals) = union_cones(a, b);
+    let (a, b) = (&a.bounds, &b.bounds);
+    Known {
+        bounds: LightBounds {
+            min: a.min.min(b.min),
+            max: a.max.max(b.max),
+            axis,
+            strength: a.strength + b.strength,
+            cos_normals,
+            cos_emission: a.cos_emission.min(b.cos_emission),
+            two_sided: a.two_sided || b.two_sided,
+        },
+        normals,
     }
-    if a.1 >= 1.0 && cos >= b.1 {
-        return b;
+}
+
+/// The smallest cone around the cones of two: axis, cosine of the half angle and that angle; widened by a
+/// hair so that rounding leaves nothing outside.
+fn union_cones(a: &Known, b: &Known) -> (Vec3, f32, f64) {
+    let first = (a.bounds.axis, a.bounds.cos_normals, a.normals);
+    let second = (b.bounds.axis, b.bounds.cos_normals, b.normals);
+    let cos = first.0.dot(second.0);
+    // A single direction within the other cone, which is nearly always so, needs no angles.
+    if second.1 >= 1.0 && cos >= first.1 {
+        return first;
+    }
+    if first.1 >= 1.0 && cos >= second.1 {
+        return second;
     }
     let pi = std::f64::consts::PI;
-    let angle = |c: f32| libm::acos(c.clamp(-1.0, 1.0) as f64);
-    let (ta, tb) = (angle(a.1), angle(b.1));
+    let (ta, tb) = (first.2, second.2);
     let between = angle(cos);
     if (between + tb).min(pi) <= ta {
-        return a;
+        return first;
     }
     if (between + ta).min(pi) <= tb {
-        return b;
+        return second;
     }
     let half = (ta + between + tb) / 2.0 + 1e-4;
-    let across = a.0.cross(b.0);
+    let across = first.0.cross(second.0);
     if half >= pi || across.dot(across) < 1e-12 {
-        return (a.0, -1.0);
+        return (first.0, -1.0, pi);
     }
     // Turn a's axis towards b's by what a's cone lacks (Rodrigues).
     let turn = half - ta;
     let k = crate::math::normalize(across);
     let (s, c) = (libm::sin(turn) as f32, libm::cos(turn) as f32);
-    let axis = a.0 * c + k.cross(a.0) * s + k * (k.dot(a.0) * (1.0 - c));
-    (crate::math::normalize(axis), libm::cos(half) as f32)
+    let axis = first.0 * c + k.cross(first.0) * s + k * (k.dot(first.0) * (1.0 - c));
+    let cos = libm::cos(half) as f32;
+    (crate::math::normalize(axis), cos, angle(cos))
+}
+
+/// Box and strength of the lights in a cell: what a cut costs at least follows from them without any
+/// angles.
+#[derive(Clone, Copy)]
+struct Cell {
+    min: Vec3,
+    max: Vec3,
+    strength: f32,
+}
+
+impl Cell {
+    const EMPTY: Cell = Cell {
+        min: Vec3::INFINITY,
+        max: Vec3::NEG_INFINITY,
+        strength: 0.0,
+    };
+    fn add(&mut self, other: &Cell) {
+        self.min = self.min.min(other.min);
+        self.max = self.max.max(other.max);
+        self.strength += other.strength;
+    }
+    fn is_empty(&self) -> bool {
+        self.min.x > self.max.x
+    }
+    fn size(&self) -> f64 {
+        size(self.strength, self.min, self.max)
+    }
+}
+
+/// The least of `Cell::size` of both sides over the cuts between cells.
+fn least_size(cells: &[Cell; BUCKETS]) -> f64 {
+    let mut right = *cells;
+    for i in (0..BUCKETS - 1).rev() {
+        let next = right[i + 1];
+        right[i].add(&next);
+    }
+    let mut left = Cell::EMPTY;
+    let mut least = f64::INFINITY;
+    for cut in 1..BUCKETS {
+        left.add(&cells[cut - 1]);
+        if !left.is_empty() && !right[cut].is_empty() {
+            least = least.min(left.size() + right[cut].size());
+        }
+    }
+    least
 }
 
 /// Reorders lights and says how many go left: the cheapest of the splits between buckets along each
 /// axis, halves where there is none.
-fn split(lights: &mut [(u32, LightBounds)], bounds: &LightBounds, depth: u32) -> usize {
+fn split(
+    lights: &mut [(u32, Known)],
+    spare: &mut [(u32, Known)],
+    bounds: &LightBounds,
+    depth: u32,
+) -> usize {
     if lights.len() == 2 {
         return 1;
     }
-    let center = |l: &LightBounds| (l.min + l.max) * 0.5;
+    let center = |l: &Known| (l.bounds.min + l.bounds.max) * 0.5;
     let (lo, hi) = lights
         .iter()
         .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), l| {
             (lo.min(center(&l.1)), hi.max(center(&l.1)))
         });
     let extent = bounds.max - bounds.min;
-    let bucket = |l: &LightBounds, axis: usize| {
+    let bucket = |l: &Known, axis: usize| {
         let x = (center(l)[axis] - lo[axis]) / (hi[axis] - lo[axis]) * BUCKETS as f32;
         (x as usize).min(BUCKETS - 1)
     };
+    let axes = (0..3).filter(|&axis| hi[axis] > lo[axis]);
     let mut best: Option<(f64, usize, usize)> = None;
     if depth < DEPTH_MAX - 32 {
-        for axis in 0..3 {
-            if hi[axis] <= lo[axis] {
+        // No cone of lights is narrower than that of one of them; a cut costs what its sides do at least
+        // with that. Only along axes that may have the cheapest cut are cones put together.
+        let narrowest = lights
+            .iter()
+            .fold(-1.0f32, |cos, l| cos.max(l.1.bounds.cos_normals));
+        let is_usual = lights.iter().all(|l| l.1.bounds.cos_emission == 0.0);
+        let least_angle = if is_usual {
+            lit_angle(narrowest, angle(narrowest), 0.0) * (1.0 - 1e-9)
+        } else {
+            0.0
+        };
+        let mut order: Vec<(f64, usize)> = axes
+            .map(|axis| {
+                let mut cells = [Cell::EMPTY; BUCKETS];
+                for (_, l) in lights.iter() {
+                    cells[bucket(l, axis)].add(&Cell {
+                        min: l.bounds.min,
+                        max: l.bounds.max,
+                        strength: l.bounds.strength,
+                    });
+                }
+                let least = least_size(&cells) * least_angle * regular(extent, axis);
+                (least, axis)
+            })
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (least, axis) in order {
+            if best.is_some_and(|(cost, ..)| least > cost) {
                 continue;
             }
-            let mut cells: [Option<LightBounds>; BUCKETS] = [None; BUCKETS];
-            for (_, l) in lights.iter() {
-                let cell = &mut cells[bucket(l, axis)];
-                *cell = Some(cell.map_or(*l, |c| union(&c, l)));
-            }
-            // Thin boxes should be cut across.
-            let regular = (extent.max_element() / extent[axis].max(1e-30)) as f64;
-            // What lies right of each cut.
-            let mut right = cells;
-            for i in (0..BUCKETS - 1).rev() {
-                right[i] = match (cells[i], right[i + 1]) {
-                    (Some(a), Some(b)) => Some(union(&b, &a)),
-                    (a, b) => a.or(b),
-                };
-            }
-            let mut left: Option<LightBounds> = None;
-            for cut in 1..BUCKETS {
-                // A cut after an empty cell is the one before it once more.
-                let Some(cell) = &cells[cut - 1] else {
-                    continue;
-                };
-                let a = left.map_or(*cell, |l| union(&l, cell));
-                left = Some(a);
-                let Some(b) = &right[cut] else { break };
-                let cost = (cost(&a) + cost(b)) * regular;
-                if best.is_none_or(|(c, _, _)| cost < c) {
-                    best = Some((cost, axis, cut));
-                }
-            }
+            cheapest(
+                lights,
+                |l| bucket(l, axis),
+                |cut, cost| {
+                    let cost = cost * regular(extent, axis);
+                    let this = (cost, axis, cut);
+                    // Of equals the first axis, and the first cut along it.
+                    if best.is_none_or(|(c, a, _)| cost < c || (cost == c && axis < a)) {
+                        best = Some(this);
+                    }
+                },
+            );
         }
     }
     if let Some((_, axis, cut)) = best {
         // Stable, so that the order within a side does not depend on the algorithm.
-        let (left, right): (Vec<_>, Vec<_>) = lights.iter().partition(|l| bucket(&l.1, axis) < cut);
-        if !left.is_empty() && !right.is_empty() {
-            let n = left.len();
-            lights.copy_from_slice(&[left, right].concat());
-            return n;
+        let (mut left, mut right) = (0, 0);
+        for i in 0..lights.len() {
+            let light = lights[i];
+            if bucket(&light.1, axis) < cut {
+                lights[left] = light;
+                left += 1;
+            } else {
+                spare[right] = light;
+                right += 1;
+            }
+        }
+        lights[left..].copy_from_slice(&spare[..right]);
+        if left > 0 && right > 0 {
+            return left;
         }
     }
     lights.len() / 2
 }
 
+/// Thin boxes should be cut across.
+fn regular(extent: Vec3, axis: usize) -> f64 {
+    (extent.max_element() / extent[axis].max(1e-30)) as f64
+}
+
+/// Goes through the cuts along an axis and what they cost.
+fn cheapest(
+    lights: &[(u32, Known)],
+    bucket: impl Fn(&Known) -> usize,
+    mut found: impl FnMut(usize, f64),
+) {
+    let mut cells: [Option<Known>; BUCKETS] = [None; BUCKETS];
+    for (_, l) in lights {
+        let cell = &mut cells[bucket(l)];
+        *cell = Some(cell.map_or(*l, |c| union(&c, l)));
+    }
+    // What lies right of each cut.
+    let mut right = cells;
+    for i in (0..BUCKETS - 1).rev() {
+        right[i] = match (cells[i], right[i + 1]) {
+            (Some(a), Some(b)) => Some(union(&b, &a)),
+            (a, b) => a.or(b),
+        };
+    }
+    let mut left: Option<Known> = None;
+    for cut in 1..BUCKETS {
+        // A cut after an empty cell is the one before it once more.
+        let Some(cell) = &cells[cut - 1] else {
+            continue;
+        };
+        let a = left.map_or(*cell, |l| union(&l, cell));
+        left = Some(a);
+        let Some(b) = &right[cut] else { break };
+        found(cut, cost(&a) + cost(b));
+    }
+}
+
 /// Strength times the solid angle that is lit times the surface of the box [ConEstevez18, section 4.4].
-fn cost(b: &LightBounds) -> f64 {
-    let pi = std::f64::consts::PI;
-    let cos = b.cos_normals.clamp(-1.0, 1.0) as f64;
-    let (normals, sin) = (libm::acos(cos), libm::sqrt(1.0 - cos * cos));
-    let emission = libm::acos(b.cos_emission.clamp(-1.0, 1.0) as f64);
-    let lit = (normals + emission).min(pi);
-    let angle = 2.0 * pi * (1.0 - cos)
-        + pi / 2.0 * (2.0 * lit * sin - libm::cos(normals - 2.0 * lit) - 2.0 * normals * sin + cos);
+fn cost(known: &Known) -> f64 {
+    let b = &known.bounds;
     let d = (b.max - b.min).max(Vec3::splat(1e-12));
-    b.strength as f64 * angle * (d.x * d.y + d.y * d.z + d.z * d.x) as f64
+    let area = (d.x * d.y + d.y * d.z + d.z * d.x) as f64;
+    b.strength as f64 * lit_angle(b.cos_normals, known.normals, b.cos_emission) * area
+}
+
+/// [`cost`] without the angle.
+fn size(strength: f32, min: Vec3, max: Vec3) -> f64 {
+    let d = (max - min).max(Vec3::splat(1e-12));
+    strength as f64 * (d.x * d.y + d.y * d.z + d.z * d.x) as f64
+}
+
+/// Solid angle that is lit by normals within an angle, given with its cosine, and the cosine of the angle
+/// of emission.
+fn lit_angle(cos_normals: f32, normals: f64, cos_emission: f32) -> f64 {
+    let pi = std::f64::consts::PI;
+    let cos = cos_normals.clamp(-1.0, 1.0) as f64;
+    let sin = libm::sqrt(1.0 - cos * cos);
+    let lit = (normals + angle(cos_emission)).min(pi);
+    2.0 * pi * (1.0 - cos)
+        + pi / 2.0 * (2.0 * lit * sin - libm::cos(normals - 2.0 * lit) - 2.0 * normals * sin + cos)
 }
 
 #[cfg(test)]
@@ -428,6 +622,41 @@ mod tests {
                 (i, bounds)
             })
             .collect()
+    }
+
+    /// However many threads build a tree, it is the same.
+    #[test]
+    fn threads_change_no_bit_of_a_tree() {
+        let mut rng = StdRng::seed_from_u64(7);
+        let lights = random(&mut rng, 3 * ALONE);
+        let [one, three] = [1, 3].map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            let pool = pool.expect("threads start");
+            format!("{:?}", pool.install(|| binary(&lights)))
+        });
+        assert!(one == three);
+    }
+
+    /// What is known of a cut without its cones never says that it costs more than it does.
+    #[test]
+    fn the_least_that_a_cut_costs_is_not_more_than_it_costs() {
+        let mut rng = StdRng::seed_from_u64(8);
+        for count in [3, 10, 300] {
+            let lights = random(&mut rng, count);
+            let known: Vec<Known> = lights.iter().map(|l| Known::new(l.1)).collect();
+            let narrowest = known
+                .iter()
+                .map(|k| k.bounds.cos_normals)
+                .fold(-1.0, f32::max);
+            let least = lit_angle(narrowest, angle(narrowest), 0.0) * (1.0 - 1e-9);
+            let mut all = known[0];
+            for k in &known[1..] {
+                all = union(&all, k);
+                let b = &all.bounds;
+                let bound = size(b.strength, b.min, b.max) * least;
+                assert!(bound <= cost(&all), "{bound} of {all:?}");
+            }
+        }
     }
 
     /// Probabilities of all lights and of no light at all (a node may promise what neither of its
