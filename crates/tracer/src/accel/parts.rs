@@ -10,7 +10,7 @@ use crate::hash;
 use std::ops::Range;
 
 /// Items that a part may have.
-pub const PART_MAX: usize = 1 << 17;
+pub const PART_MAX: usize = 1 << 16;
 /// Cells along each axis that cuts are tried between.
 const BINS: usize = 16;
 /// Items that a cut is chosen by: it need not be the very best.
