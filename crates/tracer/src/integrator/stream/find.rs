@@ -104,14 +104,14 @@ pub(super) fn find_meshes<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Pla
             let is_smooth = !mesh.normals.is_empty();
             for c in 0..3 {
                 let p = mesh.positions[indices[c] as usize];
-                corners[c][0].0[lane] = p.x;
-                corners[c][1].0[lane] = p.y;
-                corners[c][2].0[lane] = p.z;
+                for axis in 0..3 {
+                    corners[c][axis].0[lane] = p[axis];
+                }
                 if is_smooth {
                     let n = mesh.normals[indices[c] as usize];
-                    normals[c][0].0[lane] = n.x;
-                    normals[c][1].0[lane] = n.y;
-                    normals[c][2].0[lane] = n.z;
+                    for axis in 0..3 {
+                        normals[c][axis].0[lane] = n[axis];
+                    }
                 }
             }
             u.0[lane] = hit.u;
