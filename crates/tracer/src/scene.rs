@@ -1,6 +1,6 @@
 //! A prepared scene: immutable and shared between threads.
 
-use crate::accel::Geometry;
+use crate::accel::{Geometry, SimdLevel};
 use crate::camera::filter::FilterSampler;
 use crate::camera::{Camera, PixelView};
 use crate::geometry::Interaction;
@@ -66,6 +66,14 @@ impl Scene {
     /// How the picture is cut into tiles.
     pub fn grid(&self) -> TileGrid {
         self.grid
+    }
+
+    /// Renders with the instructions of a level from now on, or with the best that there are below it. It never
+    /// changes a bit; only views of this scene that exist already keep theirs.
+    pub fn set_simd_level(&mut self, level: SimdLevel) {
+        if let Some(geometry) = Arc::get_mut(&mut self.geometry) {
+            geometry.level = level.available();
+        }
     }
 
     /// The same scene for one unit of work: it holds pictures of its own, so that others may be dropped

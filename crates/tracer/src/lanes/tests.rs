@@ -14,7 +14,7 @@ fn numbers() -> Vec<f32> {
         f32::NEG_INFINITY,
         f32::MIN_POSITIVE,
         -1e-40,
-        3.5e38,
+        3.4e38,
     ];
     let mut state = 7u64;
     while numbers.len() < 256 {

@@ -180,7 +180,8 @@ fn hazy(sampler: SamplerKind) -> SceneDesc {
     desc
 }
 
-const SAMPLERS: [SamplerKind; 3] = [
+const SAMPLERS: [SamplerKind; 4] = [
+    SamplerKind::Lattice,
     SamplerKind::OwenSobol,
     SamplerKind::Stratified,
     SamplerKind::Independent,

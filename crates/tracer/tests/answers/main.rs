@@ -27,3 +27,4 @@ mod pictured_lights;
 mod pictures;
 mod references;
 mod robustness;
+mod streams;
