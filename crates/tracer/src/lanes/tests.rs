@@ -57,7 +57,7 @@ fn all<W: Wide>(a: &Row, b: &Row, out: &mut Vec<Row>) {
         W::F::from_int(i),
         W::F::select(i.eq(j), x, y),
         // Whatever is out of range is nobody's business.
-        W::F::from_int(W::F::select(x.abs().lt(W::F::splat(1e6)), x, y - y).to_int()),
+        W::F::from_int(W::F::select(x.abs().lt(W::F::splat(1e6)), x, W::F::splat(0.0)).to_int()),
     ];
     for value in values {
         let mut row = Row::default();
