@@ -73,9 +73,9 @@ impl Run {
             ..PixelSums::default()
         };
         let mut beauty = [[0i64; Run::LONGEST]; 3];
-        for c in 0..3 {
+        for (c, fixed) in beauty.iter_mut().enumerate() {
             let mut sum = 0;
-            for (to, x) in beauty[c].iter_mut().zip(&self.beauty[c][..count]) {
+            for (to, x) in fixed.iter_mut().zip(&self.beauty[c][..count]) {
                 *to = fixed::to_fixed_small(*x);
                 sum += *to;
             }
@@ -92,9 +92,10 @@ impl Run {
             sums.normal[c] = sum_bounded(&self.normal[c][..count]);
         }
         let mut half = 0;
-        for i in 0..count {
+        let [r, g, b] = &beauty;
+        for (i, ((r, g), b)) in r[..count].iter().zip(g).zip(b).enumerate() {
             if in_second_half(begin.wrapping_add(i as u32)) {
-                half += luminance_small([beauty[0][i], beauty[1][i], beauty[2][i]]);
+                half += luminance_small([*r, *g, *b]);
             }
         }
         sums.half = half as i128;

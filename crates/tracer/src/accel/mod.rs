@@ -2,12 +2,14 @@
 
 pub mod build;
 pub mod collapse;
+pub mod few;
 pub mod kernel;
 pub mod node;
 mod parts;
 pub mod simd;
 pub mod stream;
 
+pub use few::Few;
 pub use simd::SimdLevel;
 
 use crate::geometry::curves::CurveSet;
@@ -48,6 +50,8 @@ pub struct Geometry {
     pub textures: Textures,
     /// Whether any surface has holes.
     pub has_alpha: bool,
+    /// The world's primitives, if they are so few (and without holes) that arrays of rays need no tree.
+    pub few: Option<Few>,
 }
 
 impl Geometry {
@@ -68,6 +72,12 @@ impl Geometry {
     /// [`Geometry::closest`] for each of many rays, into as many hits.
     #[inline]
     pub fn closest_many(&self, rays: &[Ray], hits: &mut [Hit]) {
+        if let Some(few) = &self.few {
+            for &at in few::closest(self.level, few, rays, hits).rays() {
+                hits[at as usize] = self.closest(&rays[at as usize]);
+            }
+            return;
+        }
         let in_flight = stream::pays(&self.world);
         simd::closest_many(self.level, self, rays, hits, in_flight);
     }
@@ -75,6 +85,12 @@ impl Geometry {
     /// [`Geometry::occluded`] for each of many rays.
     #[inline]
     pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
+        if let Some(few) = &self.few {
+            for &at in few::occluded(self.level, few, rays, blocked).rays() {
+                blocked[at as usize] = self.occluded(&rays[at as usize]);
+            }
+            return;
+        }
         let in_flight = stream::pays(&self.world);
         simd::occluded_many(self.level, self, rays, blocked, in_flight);
     }

@@ -66,6 +66,7 @@ fn geometry_in_parts(triangles: &[Tri], level: SimdLevel, part: usize) -> Geomet
         curves: vec![],
         textures: Textures::default(),
         has_alpha: false,
+        few: None,
     }
 }
 
@@ -296,7 +297,7 @@ fn check_many(name: &str, geometry: &Geometry, rays: &[Ray]) {
 #[test]
 fn arrays_of_rays_are_as_single_rays_on_soups() {
     let mut rng = StdRng::seed_from_u64(4);
-    for count in [0, 1, 4, 7, 40, 3000] {
+    for count in [0, 1, 4, 7, 24, 40, 3000] {
         let soup: Vec<Tri> = (0..count)
             .map(|_| {
                 let p = point(&mut rng, 2.0);
@@ -313,7 +314,31 @@ fn arrays_of_rays_are_as_single_rays_on_soups() {
             ray.t_max = 0.25 * (i % 7) as f32;
         }
         let name = format!("soup of {count}");
-        check_many(&name, &geometry(&soup, SimdLevel::best()), &rays);
+        let mut geometry = geometry(&soup, SimdLevel::best());
+        check_many(&name, &geometry, &rays);
+        geometry.few = Few::new(&geometry.world);
+        assert_eq!(geometry.few.is_some(), (1..=24).contains(&count));
+        check_without_tree(&name, &mut geometry, &rays);
+    }
+}
+
+/// Through [`Geometry::closest_many`], at each level.
+fn check_without_tree(name: &str, geometry: &mut Geometry, rays: &[Ray]) {
+    let hits: Vec<Hit> = rays.iter().map(|r| geometry.closest(r)).collect();
+    let blocked: Vec<bool> = rays.iter().map(|r| geometry.occluded(r)).collect();
+    for level in levels() {
+        geometry.level = level;
+        for count in [1, 13, rays.len()] {
+            let mut many = vec![Hit::none(0.0); count];
+            geometry.closest_many(&rays[..count], &mut many);
+            let mut any = vec![true; count];
+            geometry.occluded_many(&rays[..count], &mut any);
+            for i in 0..count {
+                let case = format!("{name} at {level:?}, ray {i} {:?}", rays[i]);
+                assert_eq!(many[i], hits[i], "{case}");
+                assert_eq!(any[i], blocked[i], "{case}");
+            }
+        }
     }
 }
 

@@ -87,6 +87,11 @@ impl Quadric {
         quadric
     }
 
+    /// Centre and radius in the space of the tree, if it is met as a sphere there.
+    pub(crate) fn sphere(&self) -> Option<(Vec3, f32)> {
+        self.round
+    }
+
     /// Centre and radius in the space of the tree, if it is a sphere there whose centre is exactly where its
     /// own origin comes to lie.
     pub(crate) fn round(&self) -> Option<(Vec3, f32)> {

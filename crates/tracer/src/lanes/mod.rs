@@ -8,6 +8,39 @@
 //! point of a level, and has no closures and no `map` over arrays: those are compiled without the
 //! instructions of the level and then called.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a lane is a place in several arrays at once"
+)]
+
+/// Makes an entry point that picks a level out of a function that is generic over [`Wide`].
+macro_rules! entry {
+    (
+        $(#[$doc:meta])*
+        $vis:vis fn $name:ident($($arg:ident: $type:ty),* $(,)?) -> $ret:ty = $of:ident :: $wide:ident;
+    ) => {
+        $(#[$doc])*
+        #[allow(unsafe_code)]
+        $vis fn $name(level: $crate::SimdLevel, $($arg: $type),*) -> $ret {
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn avx2($($arg: $type),*) -> $ret {
+                    $of::$wide::<$crate::lanes::Avx2>($($arg),*)
+                }
+                // AVX-512 would bring nothing but its wider copies, which slow the clock down.
+                if level >= $crate::SimdLevel::Avx2 {
+                    // SAFETY: `SimdLevel::available` has found the feature on this processor.
+                    return unsafe { avx2($($arg),*) };
+                }
+            }
+            let _ = level;
+            $of::$wide::<$crate::lanes::Plain>($($arg),*)
+        }
+    };
+}
+pub(crate) use entry;
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod plain;
@@ -115,7 +148,22 @@ pub trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output
     fn from_bits(bits: u32) -> Self;
 }
 
-/// The largest number below 1 and so on, as masks of bits.
+/// Columns of the rows at eight places.
+#[inline(always)]
+pub fn gather<W: Wide>(rows: &[Row], at: &[u32; LANES]) -> [W::F; LANES] {
+    W::transpose([
+        W::F::load(&rows[at[0] as usize]),
+        W::F::load(&rows[at[1] as usize]),
+        W::F::load(&rows[at[2] as usize]),
+        W::F::load(&rows[at[3] as usize]),
+        W::F::load(&rows[at[4] as usize]),
+        W::F::load(&rows[at[5] as usize]),
+        W::F::load(&rows[at[6] as usize]),
+        W::F::load(&rows[at[7] as usize]),
+    ])
+}
+
+/// The bit of the sign.
 const SIGN: u32 = 0x8000_0000;
 
 /// `magnitude` with the sign of `sign`.

@@ -7,7 +7,7 @@
 mod lights;
 mod trees;
 
-use crate::accel::{Geometry, SimdLevel};
+use crate::accel::{Few, Geometry, SimdLevel};
 use crate::camera::Camera;
 use crate::camera::filter::FilterSampler;
 use crate::integrator::stream::Tables;
@@ -92,8 +92,14 @@ fn compile(
     let textures = textures.view();
     let has_media = media.camera.is_some() || surfaces.iter().any(|s| s.media.is_some());
     let has_alpha = surfaces.iter().any(|s| s.alpha.is_some());
+    let few = if has_alpha {
+        None
+    } else {
+        Few::new(&placed.world)
+    };
     let geometry = Geometry {
         level: SimdLevel::Scalar,
+        few,
         world: placed.world,
         groups: placed.groups,
         instances: placed.instances,

@@ -10,7 +10,7 @@ use scene::model::SamplerKind;
 
 /// Makes the rays of all samples, and the weights of the pixel filter.
 #[inline(always)]
-pub(super) fn rays<W: Wide>(wave: &Wave, paths: &mut Paths, (): ()) {
+pub(super) fn rays<W: Wide>(wave: &Wave, paths: &mut Paths) {
     let scene = wave.scene;
     if scene.sampler != SamplerKind::Lattice || !scene.camera.suits_lanes() {
         for at in 0..paths.len() {

@@ -1,74 +1,47 @@
 //! Entry points of the stages that work in lanes: one for each level of instructions.
 
-#![allow(unsafe_code)]
-
 use super::paths::{Paths, Place};
 use super::{Wave, camera, find, finish, numbers, scatter};
-use crate::SimdLevel;
-use crate::lanes::Plain;
+use crate::lanes::entry;
 use film::SampleBuffer;
-
-/// Makes an entry point for each level out of a generic stage and picks one.
-macro_rules! entry {
-    ($(#[$doc:meta])* $name:ident, $module:ident :: $stage:ident, $arg:ident : $type:ty, $ret:ty) => {
-        $(#[$doc])*
-        pub(super) fn $name(level: SimdLevel, wave: &Wave, paths: &mut Paths, $arg: $type) -> $ret {
-            #[cfg(target_arch = "x86_64")]
-            {
-                use crate::lanes::Avx2;
-                #[target_feature(enable = "avx2")]
-                fn avx2(wave: &Wave, paths: &mut Paths, $arg: $type) -> $ret {
-                    $module::$stage::<Avx2>(wave, paths, $arg)
-                }
-                // AVX-512 would bring nothing but its wider copies, which slow the clock down.
-                if level >= SimdLevel::Avx2 {
-                    // SAFETY: `SimdLevel::available` has found the feature on this processor.
-                    return unsafe { avx2(wave, paths, $arg) };
-                }
-            }
-            let _ = level;
-            $module::$stage::<Plain>(wave, paths, $arg)
-        }
-    };
-}
 
 entry! {
     /// Numbers of the lattice; see [`numbers::lattice`].
-    lattice, numbers::lattice, places: &[Place], ()
+    pub(super) fn lattice(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = numbers::lattice;
 }
 entry! {
     /// See [`find::find_meshes`].
-    find_meshes, find::find_meshes, places: &[Place], ()
+    pub(super) fn find_meshes(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = find::find_meshes;
 }
 entry! {
     /// See [`find::find_flat`].
-    find_flat, find::find_flat, places: &[Place], ()
+    pub(super) fn find_flat(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = find::find_flat;
 }
 entry! {
     /// See [`find::find_spheres`].
-    find_spheres, find::find_spheres, places: &[Place], ()
+    pub(super) fn find_spheres(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = find::find_spheres;
 }
 entry! {
     /// See [`scatter::diffuse`].
-    scatter_diffuse, scatter::diffuse, places: &[Place], ()
+    pub(super) fn scatter_diffuse(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::diffuse;
 }
 entry! {
     /// See [`scatter::conductor`].
-    scatter_conductor, scatter::conductor, places: &[Place], ()
+    pub(super) fn scatter_conductor(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::conductor;
 }
 entry! {
     /// See [`scatter::dielectric`].
-    scatter_dielectric, scatter::dielectric, places: &[Place], ()
+    pub(super) fn scatter_dielectric(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::dielectric;
 }
 entry! {
     /// See [`scatter::aim_conductor`].
-    aim_conductor, scatter::aim_conductor, places: &[Place], ()
+    pub(super) fn aim_conductor(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::aim_conductor;
 }
 entry! {
     /// See [`camera::rays`].
-    camera_rays, camera::rays, all: (), ()
+    pub(super) fn camera_rays(wave: &Wave, paths: &mut Paths) -> () = camera::rays;
 }
 entry! {
     /// See [`finish::add`].
-    finish, finish::add, buffer: &mut SampleBuffer, u64
+    pub(super) fn finish(wave: &Wave, paths: &mut Paths, buffer: &mut SampleBuffer) -> u64 = finish::add;
 }

@@ -30,6 +30,14 @@ pub(super) struct Arriving<W: Wide> {
 /// No light.
 const DARK: u32 = u32::MAX;
 
+/// What light is asked for: by which paths, and which lights were chosen.
+struct Asked<'a> {
+    wave: &'a Wave<'a>,
+    paths: &'a Paths,
+    group: &'a Group,
+    lights: [u32; LANES],
+}
+
 /// Chooses a light for each vertex, unless there is only one.
 pub(super) fn choose(wave: &Wave, paths: &mut Paths, model: Model, places: &[Place]) {
     let scene = wave.scene;
@@ -68,6 +76,12 @@ pub(super) fn sample<W: Wide>(
     let tables = &wave.scene.stream;
     let one = W::F::splat(1.0);
     if let Some(light) = tables.only() {
+        let asked = Asked {
+            wave,
+            paths,
+            group,
+            lights: [light; LANES],
+        };
         let arriving = match tables.lamp(light) {
             Some(lamp) => {
                 let same = [
@@ -75,18 +89,9 @@ pub(super) fn sample<W: Wide>(
                     spread::<W>(lamp, 1),
                     spread::<W>(lamp, 2),
                 ];
-                lamps::<W>(
-                    wave,
-                    paths,
-                    group,
-                    [light; LANES],
-                    lamp.is_sphere,
-                    same,
-                    from,
-                    u,
-                )
+                lamps::<W>(&asked, lamp.is_sphere, same, from, u)
             }
-            None => one_by_one::<W>(wave, paths, group, [light; LANES]),
+            None => one_by_one::<W>(&asked),
         };
         return (arriving, one);
     }
@@ -104,6 +109,12 @@ pub(super) fn sample<W: Wide>(
         spheres += chosen[lane].is_some_and(|l| l.is_sphere) as usize;
     }
     let pmf = W::F::load(&pmf);
+    let asked = Asked {
+        wave,
+        paths,
+        group,
+        lights,
+    };
     let [
         Some(a),
         Some(b),
@@ -115,10 +126,10 @@ pub(super) fn sample<W: Wide>(
         Some(h),
     ] = chosen
     else {
-        return (one_by_one::<W>(wave, paths, group, lights), pmf);
+        return (one_by_one::<W>(&asked), pmf);
     };
     if spheres % LANES != 0 {
-        return (one_by_one::<W>(wave, paths, group, lights), pmf);
+        return (one_by_one::<W>(&asked), pmf);
     }
     let chosen = [a, b, c, d, e, f, g, h];
     let columns = [
@@ -127,18 +138,14 @@ pub(super) fn sample<W: Wide>(
         columns::<W>(chosen, 2),
     ];
     let are_spheres = spheres == LANES;
-    let arriving = lamps::<W>(wave, paths, group, lights, are_spheres, columns, from, u);
+    let arriving = lamps::<W>(&asked, are_spheres, columns, from, u);
     (arriving, pmf)
 }
 
 /// Lamps that are all flat or all spheres.
 #[inline(always)]
-#[allow(clippy::too_many_arguments)]
 fn lamps<W: Wide>(
-    wave: &Wave,
-    paths: &Paths,
-    group: &Group,
-    lights: [u32; LANES],
+    asked: &Asked,
     are_spheres: bool,
     columns: [[W::F; LANES]; 3],
     from: V3<W>,
@@ -148,8 +155,8 @@ fn lamps<W: Wide>(
         return flat::<W>(columns, from, u);
     }
     let (arriving, outside) = spheres::<W>(columns, from, u);
-    if (!outside).to_bits() & group.used != 0 {
-        return one_by_one::<W>(wave, paths, group, lights);
+    if (!outside).to_bits() & asked.group.used != 0 {
+        return one_by_one::<W>(asked);
     }
     arriving
 }
@@ -264,14 +271,9 @@ fn columns<W: Wide>(lights: [&Lamp; LANES], row: usize) -> [W::F; LANES] {
 
 /// Any lights, one lane after another.
 #[inline(always)]
-fn one_by_one<W: Wide>(
-    wave: &Wave,
-    paths: &Paths,
-    group: &Group,
-    lights: [u32; LANES],
-) -> Arriving<W> {
+fn one_by_one<W: Wide>(asked: &Asked) -> Arriving<W> {
     let mut lanes = Singles::default();
-    fill(wave, paths, group, lights, &mut lanes);
+    fill(asked, &mut lanes);
     Arriving {
         wi: V3::load(&lanes.wi),
         target: V3::load(&lanes.target),
@@ -296,9 +298,15 @@ struct Singles {
 }
 
 #[inline(never)]
-fn fill(wave: &Wave, paths: &Paths, group: &Group, lights: [u32; LANES], lanes: &mut Singles) {
+fn fill(asked: &Asked, lanes: &mut Singles) {
+    let Asked {
+        wave,
+        paths,
+        group,
+        lights,
+    } = asked;
     let scene = wave.scene;
-    for (lane, light) in lights.into_iter().enumerate() {
+    for (lane, &light) in lights.iter().enumerate() {
         if group.used >> lane & 1 == 0 || light == DARK {
             continue;
         }

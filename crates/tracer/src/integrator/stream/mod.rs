@@ -7,6 +7,11 @@
 //! the others: pictures have the same bits as [`path::sample`](super::path::sample) gives (tested),
 //! however samples are grouped and whatever instructions there are.
 
+#![allow(
+    clippy::needless_range_loop,
+    reason = "a lane is a place in several arrays at once"
+)]
+
 mod camera;
 mod entry;
 mod find;
@@ -106,7 +111,7 @@ impl Stream {
             max_depth,
         };
         let level = scene.geometry.level;
-        entry::camera_rays(level, &wave, &mut self.paths, ());
+        entry::camera_rays(level, &wave, &mut self.paths);
         while !self.paths.is_done() {
             if stop.is_stopped() {
                 return None;

@@ -6,6 +6,7 @@ use crate::accel::Geometry;
 use crate::geometry::Interaction;
 use crate::integrator::First;
 use crate::integrator::path::{Carried, Gathered, Shadow};
+pub(super) use crate::lanes::gather;
 use crate::lanes::{Float, LANES, Row, Wide};
 use crate::light::Aim;
 use crate::math::Rgb;
@@ -525,21 +526,6 @@ impl Group {
         }
         group
     }
-}
-
-/// Columns of the records at eight places.
-#[inline(always)]
-pub(super) fn gather<W: Wide>(records: &[Row], at: &[u32; LANES]) -> [W::F; LANES] {
-    W::transpose([
-        W::F::load(&records[at[0] as usize]),
-        W::F::load(&records[at[1] as usize]),
-        W::F::load(&records[at[2] as usize]),
-        W::F::load(&records[at[3] as usize]),
-        W::F::load(&records[at[4] as usize]),
-        W::F::load(&records[at[5] as usize]),
-        W::F::load(&records[at[6] as usize]),
-        W::F::load(&records[at[7] as usize]),
-    ])
 }
 
 /// Columns of eight records.
