@@ -42,8 +42,7 @@ fn render_stream(
     let mut samples = SamplesOf::new(&scene, unit);
     let mut stream = Stream::new();
     while stream.fill(&scene, &mut samples) {
-        scene.textures.refresh();
-        stream.trace(&scene, max_depth, &mut counters, stop)?;
+        stream.trace(&mut scene, max_depth, &mut counters, stop)?;
         stream.add_to(&scene, &mut buffer, &mut counters);
     }
     Some((buffer, counters))

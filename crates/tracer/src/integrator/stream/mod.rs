@@ -100,24 +100,25 @@ impl Stream {
     /// Follows all paths from the camera to their ends; `None` if stopped.
     pub(crate) fn trace(
         &mut self,
-        scene: &Scene,
+        scene: &mut Scene,
         max_depth: u32,
         counters: &mut Counters,
         stop: &StopFlag,
     ) -> Option<()> {
-        let mut wave = Wave {
+        let wave = Wave {
             scene,
             event: 0,
             max_depth,
         };
-        let level = scene.geometry.level;
+        let level = wave.scene.geometry.level;
         entry::camera_rays(level, &wave, &mut self.paths);
+        let mut event = 0;
         while !self.paths.is_done() {
             if stop.is_stopped() {
                 return None;
             }
-            self.advance(&wave, counters);
-            wave.event += 1;
+            self.advance(scene, event, max_depth, counters);
+            event += 1;
         }
         Some(())
     }
@@ -139,8 +140,12 @@ impl Stream {
     }
 
     /// From one vertex to the next.
-    fn advance(&mut self, wave: &Wave, counters: &mut Counters) {
-        let scene = wave.scene;
+    fn advance(&mut self, scene: &mut Scene, event: u32, max_depth: u32, counters: &mut Counters) {
+        let wave = &Wave {
+            scene,
+            event,
+            max_depth,
+        };
         let level = scene.geometry.level;
         let paths = &mut *self.paths;
         counters.rays += paths.active() as u64;
@@ -158,6 +163,13 @@ impl Stream {
         entry::find_spheres(level, wave, paths, self.spheres.all());
         for at in 0..self.other.all().len() {
             let place = self.other.all()[at];
+            // Pictures that had to go are let go of at each vertex: those of a whole wave would be too many.
+            scene.textures.refresh();
+            let wave = &Wave {
+                scene,
+                event,
+                max_depth,
+            };
             match scatter_one(wave, &mut self.paths, place, counters) {
                 Model::Other => {}
                 Model::Diffuse => self.diffuse.push_if(place, true),
@@ -165,6 +177,11 @@ impl Stream {
                 Model::Dielectric => self.dielectric.push_if(place, true),
             }
         }
+        let wave = &Wave {
+            scene,
+            event,
+            max_depth,
+        };
         let paths = &mut *self.paths;
         let [diffuse, conductor, dielectric] =
             [&self.diffuse, &self.conductor, &self.dielectric].map(List::all);
