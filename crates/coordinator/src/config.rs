@@ -168,6 +168,9 @@ pub struct Config {
     pub lease_ttl: Duration,
     /// How long a client may take for the head of a request, and be idle before it.
     pub header_timeout: Duration,
+    /// How many workers there will ever be, where that is known: a unit that all of them failed fails
+    /// its job, which would wait for others elsewhere.
+    pub crew: Option<usize>,
     /// How often a busy worker is asked to sync.
     pub heartbeat: Duration,
     /// Longest time between checkpoints of a job that changes.
@@ -186,6 +189,7 @@ impl Default for Config {
             insecure: false,
             lease_ttl: Duration::from_secs(30),
             header_timeout: Duration::from_secs(30),
+            crew: None,
             heartbeat: Duration::from_secs(5),
             checkpoint_every: Duration::from_secs(10),
             checkpoint_bytes: 512 << 20,

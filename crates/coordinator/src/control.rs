@@ -23,7 +23,7 @@ pub fn save_later(farm: &Arc<Farm>, id: Uuid) {
 
 /// Fails a job for a unit that nobody can render.
 pub fn poison(job: &mut Job, now: TimestampMs, unit: &Unit, reason: &str) {
-    let text = format!("unit {unit} failed again and again; last: {reason}");
+    let text = format!("unit {unit} fails on every worker that tried; last: {reason}");
     job.fail(now, ApiError::new(POISON_UNIT, text).problem());
 }
 

@@ -12,7 +12,7 @@ use uuid::Uuid;
 /// Frames that are open at once: the second keeps workers busy while the first drains, and every
 /// further one costs memory.
 pub const FRAMES_IN_WORK: usize = 2;
-/// Different workers that have to fail a unit before its job fails.
+/// Different workers that have to fail a unit before its job fails; fewer where fewer will ever be.
 pub const POISON_WORKERS: usize = 3;
 /// Failures after which a worker gets no more units of a job.
 pub const BLOCK_FAILURES: u32 = 3;
@@ -176,6 +176,12 @@ impl Job {
         self.failures
             .get(&worker)
             .is_none_or(|n| *n < BLOCK_FAILURES)
+    }
+
+    /// How many workers may not work on it.
+    pub fn blocked(&self) -> usize {
+        let often = self.failures.values().filter(|n| **n >= BLOCK_FAILURES);
+        often.count()
     }
 
     /// An audit that a worker could settle.

@@ -307,7 +307,8 @@ fn note_failure(
     if !failure.machine_error {
         failed_by.insert(worker.id);
     }
-    if failed_by.len() >= POISON_WORKERS {
+    let all = farm.config.crew.unwrap_or(usize::MAX);
+    if failed_by.len() >= POISON_WORKERS.min(all) || job.blocked() >= all {
         control::poison(job, now, &at.unit, &reason);
         return true;
     }

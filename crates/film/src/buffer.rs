@@ -76,6 +76,11 @@ pub fn luminance_fixed(rgb: [i128; 3]) -> i128 {
     (rgb[0] * 13_933 + rgb[1] * 46_871 + rgb[2] * 4_732) >> 16
 }
 
+/// Magnitudes below this, in fixed-point steps, have their luminance in 64 bits.
+const LUMINANCE_SMALL: u128 = 1 << LUMINANCE_SMALL_BITS;
+/// Binary logarithm of the bound of [`luminance_small`]: the weights have 16 bits more, the sign one.
+pub(crate) const LUMINANCE_SMALL_BITS: u32 = 46;
+
 /// [`luminance_fixed`] of magnitudes below 2^46.
 #[inline(always)]
 pub(crate) fn luminance_small(rgb: [i64; 3]) -> i64 {
@@ -196,7 +201,7 @@ impl SampleBuffer {
             sums.normal[c] += fixed::to_bounded(sample.normal[c]);
         }
         if in_second_half(index) {
-            sums.half += if beauty.iter().all(|v| v.unsigned_abs() < 1 << 46) {
+            sums.half += if beauty.iter().all(|v| v.unsigned_abs() < LUMINANCE_SMALL) {
                 luminance_small(beauty.map(|v| v as i64)) as i128
             } else {
                 luminance_fixed(beauty)

@@ -1,6 +1,8 @@
 //! Sums over consecutive samples of one pixel, worked out layer by layer.
 
-use crate::buffer::{LayerSample, PixelSums, in_second_half, luminance_small};
+use crate::buffer::{
+    LUMINANCE_SMALL_BITS, LayerSample, PixelSums, in_second_half, luminance_fixed, luminance_small,
+};
 use crate::fixed::{self, Square};
 
 /// Samples of one pixel, a layer at a time.
@@ -22,6 +24,9 @@ pub struct Run {
 /// Magnitudes of radiance and distance below this take the short way: their fixed-point sums over a run
 /// fit 64 bits, those of their squares 128.
 const SMALL: f32 = 2048.0;
+
+/// Radiances below this have their luminance in 64 bits.
+const LUMINANCE_SMALL: f32 = (1u64 << (LUMINANCE_SMALL_BITS - fixed::VALUE_BITS)) as f32;
 
 impl Run {
     /// Most samples.
@@ -91,14 +96,19 @@ impl Run {
             sums.albedo[c] = sum_bounded(&self.albedo[c][..count]);
             sums.normal[c] = sum_bounded(&self.normal[c][..count]);
         }
-        let mut half = 0;
         let [r, g, b] = &beauty;
-        for (i, ((r, g), b)) in r[..count].iter().zip(g).zip(b).enumerate() {
-            if in_second_half(begin.wrapping_add(i as u32)) {
+        let second = r[..count].iter().zip(g).zip(b).enumerate();
+        let second = second.filter(|(i, _)| in_second_half(begin.wrapping_add(*i as u32)));
+        sums.half = if value < LUMINANCE_SMALL.to_bits() {
+            let mut half = 0;
+            for (_, ((r, g), b)) in second {
                 half += luminance_small([*r, *g, *b]);
             }
-        }
-        sums.half = half as i128;
+            half as i128
+        } else {
+            let wide = second.map(|(_, ((r, g), b))| [*r, *g, *b].map(i128::from));
+            wide.map(luminance_fixed).sum()
+        };
         let mut depth = 0;
         for x in &self.depth[..count] {
             if *x == f32::INFINITY {
@@ -169,6 +179,8 @@ mod tests {
         };
         for round in 0..2000 {
             let wild = round % 5 == 0;
+            // Between the bounds of the luminance and of the sums in 64 bits, too.
+            let radiance = [3.0, 60.0, 70.0, 2000.0][round / 5 % 4];
             let mut number = |scale: f32| {
                 let unit = next() as f32 / (1u64 << 31) as f32 * 2.0 - 1.0;
                 match next() % if wild { 40 } else { 20 } {
@@ -185,7 +197,7 @@ mod tests {
             let mut run = Run::new();
             for i in 0..Run::LONGEST {
                 for c in 0..3 {
-                    run.beauty[c][i] = number(3.0);
+                    run.beauty[c][i] = number(radiance);
                     run.albedo[c][i] = number(1.0);
                     run.normal[c][i] = number(1.0);
                 }

@@ -24,6 +24,7 @@ pub async fn run(args: RenderArgs) -> anyhow::Result<ExitCode> {
         .context("no port on loopback can be had")?;
     let config = Config {
         store: StoreConfig::Memory,
+        crew: Some(args.workers.into()),
         ..Config::default()
     };
     let crew = Crew {

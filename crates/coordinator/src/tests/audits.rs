@@ -317,3 +317,31 @@ async fn other_engine_version_refused() {
     assert_eq!(error.kind(), ENGINE_VERSION);
     assert!(error.to_string().contains("4294967295"));
 }
+
+/// `brolly render` has the workers it started and no others.
+#[tokio::test]
+async fn a_job_does_not_wait_for_workers_that_will_never_be() {
+    for machine_error in [false, true] {
+        let rig = Rig::with_crew(1).await;
+        let id = rig.submit(spp(8)).await;
+        let worker = rig.worker("only");
+        for attempt in 1..=3 {
+            let lease = rig.lease(worker, 1).await.remove(0);
+            let mut request = asking(worker, 0);
+            request.failed = vec![LeaseFailure {
+                machine_error,
+                ..failure(&lease.at)
+            }];
+            rig.sync(request).await;
+            let last = !machine_error || attempt == 3;
+            assert_eq!(rig.status(id).state == JobState::Failed, last);
+            if last {
+                break;
+            }
+        }
+        let problem = rig.status(id).problem.unwrap();
+        assert_eq!(problem.kind, "/problems/poison-unit");
+        let detail = problem.detail.unwrap();
+        assert!(detail.contains("it burns"), "{detail}");
+    }
+}

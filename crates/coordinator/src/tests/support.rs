@@ -59,6 +59,18 @@ impl Rig {
         }
     }
 
+    /// That many workers, and never another.
+    pub async fn with_crew(workers: usize) -> Rig {
+        let config = Config {
+            crew: Some(workers),
+            ..config(StoreConfig::Memory)
+        };
+        Rig {
+            farm: Farm::start(config).await.unwrap(),
+            folder: None,
+        }
+    }
+
     pub async fn embedded() -> Rig {
         let folder = Arc::new(tempfile::tempdir().unwrap());
         Self::open(folder).await
