@@ -1,8 +1,9 @@
 //! The exact sums of one unit.
 
+use crate::columns::Columns;
 use crate::fixed::{self, Square};
-use crate::run::Run;
 use crate::unit::{SampleRange, Tile};
+use std::ops::Range;
 
 /// What one camera sample brings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -135,10 +136,13 @@ pub struct SampleBuffer {
 impl SampleBuffer {
     /// All sums zero.
     pub fn new(tile: Tile, samples: SampleRange) -> Self {
+        // Not `vec![...; n]`, which copies so large an element n times from memory.
+        let mut pixels = Vec::new();
+        pixels.resize_with(tile.pixels(), PixelSums::default);
         SampleBuffer {
             tile,
             samples,
-            pixels: vec![PixelSums::default(); tile.pixels()],
+            pixels,
             rejected: Vec::new(),
             rejected_count: 0,
         }
@@ -215,12 +219,25 @@ impl SampleBuffer {
         Ok(())
     }
 
-    /// [`SampleBuffer::add`] for samples `begin`, `begin + 1`, ... of one pixel; how many were rejected.
+    /// [`SampleBuffer::add`] for some samples of one pixel, of which the first has the index `begin`; how
+    /// many were rejected.
     #[inline(always)]
-    pub fn add_run(&mut self, x: u32, y: u32, begin: u32, count: usize, run: &Run) -> u64 {
-        let Some(sums) = run.sums(begin, count) else {
-            return (0..count)
-                .filter(|i| self.add(x, y, begin + *i as u32, &run.sample(*i)).is_err())
+    pub fn add_run(
+        &mut self,
+        x: u32,
+        y: u32,
+        begin: u32,
+        of: Range<usize>,
+        columns: &Columns,
+    ) -> u64 {
+        if of.len() == 1 {
+            // Faster as it is.
+            return self.add(x, y, begin, &columns.sample(of.start)).is_err() as u64;
+        }
+        let Some(sums) = columns.sums(begin, of.clone()) else {
+            return (begin..)
+                .zip(of)
+                .filter(|(index, at)| self.add(x, y, *index, &columns.sample(*at)).is_err())
                 .count() as u64;
         };
         self.pixels[(y * self.tile.width + x) as usize].add_assign(&sums);

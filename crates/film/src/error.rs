@@ -20,9 +20,11 @@
 //! All of it is addition, multiplication, division and square root of f64 in a fixed order, so that
 //! decisions made from it are the same on every machine.
 
+use crate::blocks::BLOCK;
 use crate::buffer::{in_second_half, luminance_fixed};
 use crate::film::Film;
 use crate::fixed::{SQUARE_BITS, VALUE_BITS};
+use crate::plane::number;
 use crate::planes::{BEAUTY, HALF, SQUARE};
 use crate::tile::TileFilm;
 use crate::unit::SampleRange;
@@ -102,22 +104,32 @@ pub fn tile_errors(tile: &TileFilm) -> Option<TileErrors> {
     let half_weight = na * nb / (n * n);
     let (mut halves, mut squares) = (0.0, 0.0);
     let pixels = tile.tile().pixels();
-    for i in 0..pixels {
-        let rgb = [0, 1, 2].map(|c| tile.plane(BEAUTY + c).value(i));
-        let all = luminance_fixed(rgb);
-        let half = tile.plane(HALF).value(i);
-        let mean = all as f64 * value / n;
-        let weight = 1.0 / (mean * mean + ERROR_EPS);
-        let (a, b) = ((all - half) as f64 * value / na, half as f64 * value / nb);
-        let half_product = (a * b).max(0.0) + ERROR_EPS;
-        halves += (a - b) * (a - b) * half_weight / half_product;
-        let mut deviation = 0.0;
+    let (mut rgb, mut second) = ([[0; BLOCK]; 3], [0; BLOCK]);
+    let mut mean_squares = [[0.0; BLOCK]; 3];
+    for start in (0..pixels).step_by(BLOCK) {
+        let count = BLOCK.min(pixels - start);
         for c in 0..3 {
-            let mean = rgb[c] as f64 * value / n;
-            let mean_square = tile.plane(SQUARE + c).number(i) * square / n;
-            deviation += LUMINANCE[c] * (mean_square - mean * mean).max(0.0).sqrt();
+            tile.plane(BEAUTY + c).values(start, &mut rgb[c][..count]);
+            tile.plane(SQUARE + c)
+                .numbers(start, &mut mean_squares[c][..count]);
         }
-        squares += deviation * deviation / (n - 1.0) * weight;
+        tile.plane(HALF).values(start, &mut second[..count]);
+        for i in 0..count {
+            let rgb = [rgb[0][i], rgb[1][i], rgb[2][i]];
+            let (all, half) = (luminance_fixed(rgb), second[i]);
+            let mean = number(all) * value / n;
+            let weight = 1.0 / (mean * mean + ERROR_EPS);
+            let (a, b) = (number(all - half) * value / na, number(half) * value / nb);
+            let half_product = (a * b).max(0.0) + ERROR_EPS;
+            halves += (a - b) * (a - b) * half_weight / half_product;
+            let mut deviation = 0.0;
+            for c in 0..3 {
+                let mean = number(rgb[c]) * value / n;
+                let mean_square = mean_squares[c][i] * square / n;
+                deviation += LUMINANCE[c] * (mean_square - mean * mean).max(0.0).sqrt();
+            }
+            squares += deviation * deviation / (n - 1.0) * weight;
+        }
     }
     let root = |sum: f64| (sum / pixels as f64).sqrt();
     Some(TileErrors {

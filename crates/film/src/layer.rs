@@ -5,6 +5,7 @@ use crate::film::Film;
 use crate::fixed::{BOUNDED_BITS, SQUARE_BITS, VALUE_BITS};
 use crate::planes::{ALBEDO, ALPHA, BEAUTY, DEPTH, HITS, NORMAL, SQUARE};
 use crate::tile::TileFilm;
+use crate::unit::TILE_SIZE;
 
 /// What a picture can show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -104,60 +105,91 @@ pub fn channel(film: &Film, layer: Layer, channel: usize) -> Vec<f32> {
     let width = film.grid().width as usize;
     let unknown = if layer == Layer::Error { f32::NAN } else { 0.0 };
     let mut out = vec![unknown; width * film.grid().height as usize];
+    let mut numbers = [0.0; TILE_SIZE as usize];
     for tile in film.tiles().iter().filter(|tile| tile.samples() > 0) {
         let shape = tile.tile();
         let (x, columns) = (shape.x as usize, shape.width as usize);
-        for row in 0..shape.height as usize {
-            let start = (shape.y as usize + row) * width + x;
-            for (column, out) in out[start..start + columns].iter_mut().enumerate() {
-                *out = pixel(tile, layer, channel, row * columns + column) as f32;
+        let numbers = &mut numbers[..columns];
+        for y in 0..shape.height as usize {
+            row(tile, layer, channel, y * columns, numbers);
+            let start = (shape.y as usize + y) * width + x;
+            for (out, number) in out[start..start + columns].iter_mut().zip(&*numbers) {
+                *out = *number as f32;
             }
         }
     }
     out
 }
 
-/// One number of a pixel of a tile that has samples.
-fn pixel(tile: &TileFilm, layer: Layer, channel: usize, i: usize) -> f64 {
+/// Numbers of some pixels, up to a row, of a tile that has samples.
+fn row(tile: &TileFilm, layer: Layer, channel: usize, start: usize, out: &mut [f64]) {
     let n = tile.samples() as f64;
-    let bounded = 1.0 / (1u64 << BOUNDED_BITS) as f64;
     match layer {
-        Layer::Beauty => mean(tile, channel, i),
-        Layer::Alpha => tile.plane(ALPHA).number(i) * bounded / n,
-        Layer::Albedo => tile.plane(ALBEDO + channel).number(i) * bounded / n,
-        Layer::Normal => tile.plane(NORMAL + channel).number(i) * bounded / n,
+        Layer::Beauty => means(tile, channel, start, out),
+        Layer::Alpha => bounded(tile, ALPHA, start, out),
+        Layer::Albedo => bounded(tile, ALBEDO + channel, start, out),
+        Layer::Normal => bounded(tile, NORMAL + channel, start, out),
         Layer::Depth => {
-            let hits = tile.plane(HITS).number(i);
-            let sum = tile.plane(DEPTH).number(i) / (1u64 << VALUE_BITS) as f64;
-            if hits > 0.0 {
-                sum / hits
-            } else {
-                f64::INFINITY
+            let mut hits = [0.0; TILE_SIZE as usize];
+            tile.plane(HITS).numbers(start, &mut hits[..out.len()]);
+            tile.plane(DEPTH).numbers(start, out);
+            for (out, hits) in out.iter_mut().zip(hits) {
+                let sum = *out / (1u64 << VALUE_BITS) as f64;
+                *out = if hits > 0.0 {
+                    sum / hits
+                } else {
+                    f64::INFINITY
+                };
             }
         }
-        Layer::Samples => n,
-        Layer::Variance => variance(tile, channel, i),
-        Layer::Error if tile.samples() < 2 => f64::NAN,
+        Layer::Samples => out.fill(n),
+        Layer::Variance => variances(tile, channel, start, out),
+        Layer::Error if tile.samples() < 2 => out.fill(f64::NAN),
         Layer::Error => {
-            let (mut luminance, mut deviation) = (0.0, 0.0);
+            let mut luminance = [0.0; TILE_SIZE as usize];
+            let mut deviation = [0.0; TILE_SIZE as usize];
             for (c, weight) in LUMINANCE.into_iter().enumerate() {
-                luminance += weight * mean(tile, c, i);
-                deviation += weight * variance(tile, c, i).sqrt();
+                means(tile, c, start, out);
+                for (sum, mean) in luminance.iter_mut().zip(&*out) {
+                    *sum += weight * mean;
+                }
+                variances(tile, c, start, out);
+                for (sum, variance) in deviation.iter_mut().zip(&*out) {
+                    *sum += weight * variance.sqrt();
+                }
             }
-            deviation / (luminance * luminance + ERROR_EPS).sqrt()
+            for ((out, luminance), deviation) in out.iter_mut().zip(luminance).zip(deviation) {
+                *out = deviation / (luminance * luminance + ERROR_EPS).sqrt();
+            }
         }
     }
 }
 
-fn mean(tile: &TileFilm, channel: usize, i: usize) -> f64 {
-    let sum = tile.plane(BEAUTY + channel).number(i);
-    sum / (1u64 << VALUE_BITS) as f64 / tile.samples() as f64
+fn bounded(tile: &TileFilm, plane: usize, start: usize, out: &mut [f64]) {
+    let (step, n) = (1.0 / (1u64 << BOUNDED_BITS) as f64, tile.samples() as f64);
+    tile.plane(plane).numbers(start, out);
+    for sum in out {
+        *sum = *sum * step / n;
+    }
+}
+
+fn means(tile: &TileFilm, channel: usize, start: usize, out: &mut [f64]) {
+    let n = tile.samples() as f64;
+    tile.plane(BEAUTY + channel).numbers(start, out);
+    for sum in out {
+        *sum = *sum / (1u64 << VALUE_BITS) as f64 / n;
+    }
 }
 
 /// Of the mean; zero for a single sample, which says nothing about it.
-fn variance(tile: &TileFilm, channel: usize, i: usize) -> f64 {
+fn variances(tile: &TileFilm, channel: usize, start: usize, out: &mut [f64]) {
     let n = tile.samples() as f64;
-    let squares = tile.plane(SQUARE + channel).number(i) / (1u128 << SQUARE_BITS) as f64 / n;
-    let mean = mean(tile, channel, i);
-    (squares - mean * mean).max(0.0) / (n - 1.0).max(1.0)
+    let mut mean = [0.0; TILE_SIZE as usize];
+    let mean = &mut mean[..out.len()];
+    means(tile, channel, start, mean);
+    tile.plane(SQUARE + channel).numbers(start, out);
+    for (out, mean) in out.iter_mut().zip(mean) {
+        let squares = *out / (1u128 << SQUARE_BITS) as f64 / n;
+        *out = (squares - *mean * *mean).max(0.0) / (n - 1.0).max(1.0);
+    }
 }

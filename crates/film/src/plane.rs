@@ -83,25 +83,27 @@ impl Plane {
         }
     }
 
-    /// The sum of a pixel of a plane that is no plane of squares, and so fits.
-    #[inline]
-    pub fn value(&self, i: usize) -> i128 {
+    /// The sums from a pixel on, of a plane that is no plane of squares, so that they fit.
+    pub fn values(&self, start: usize, out: &mut [i128]) {
+        let end = start + out.len();
         match &self.data {
-            Data::I32(sums) => sums[i] as i128,
-            Data::I64(sums) => sums[i] as i128,
-            Data::I128(sums) => sums[i],
-            _ => self.at(i).to_i128().unwrap_or(0),
+            Data::I32(sums) => copy(&sums[start..end], out, |sum| sum as i128),
+            Data::I64(sums) => copy(&sums[start..end], out, |sum| sum as i128),
+            Data::I128(sums) => out.copy_from_slice(&sums[start..end]),
+            Data::Same(value) => out.fill(value.to_i128().unwrap_or(0)),
+            Data::Wide(sums) => copy(&sums[start..end], out, |sum| sum.to_i128().unwrap_or(0)),
         }
     }
 
-    /// The sum of a pixel as a number.
-    #[inline]
-    pub fn number(&self, i: usize) -> f64 {
+    /// The sums from a pixel on as numbers.
+    pub fn numbers(&self, start: usize, out: &mut [f64]) {
+        let end = start + out.len();
         match &self.data {
-            Data::I32(sums) => sums[i] as f64,
-            Data::I64(sums) => sums[i] as f64,
-            Data::I128(sums) => sums[i] as f64,
-            _ => self.at(i).to_f64(),
+            Data::I32(sums) => copy(&sums[start..end], out, |sum| sum as f64),
+            Data::I64(sums) => copy(&sums[start..end], out, |sum| sum as f64),
+            Data::I128(sums) => copy(&sums[start..end], out, number),
+            Data::Same(value) => out.fill(value.to_f64()),
+            Data::Wide(sums) => copy(&sums[start..end], out, Wide::to_f64),
         }
     }
 
@@ -219,6 +221,22 @@ impl Data {
             Values::Mid(values) => push(self, values.iter().copied()),
             Values::Wide(values) => push(self, values.iter().copied()),
         }
+    }
+}
+
+/// An integer as a number. Most fit 64 bits, where the processor does it.
+#[inline(always)]
+pub(crate) fn number(sum: i128) -> f64 {
+    match i64::try_from(sum) {
+        Ok(sum) => sum as f64,
+        Err(_) => sum as f64,
+    }
+}
+
+#[inline(always)]
+fn copy<S: Copy, T>(sums: &[S], out: &mut [T], to: impl Fn(S) -> T) {
+    for (out, &sum) in out.iter_mut().zip(sums) {
+        *out = to(sum);
     }
 }
 

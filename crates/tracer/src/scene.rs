@@ -11,7 +11,7 @@ use crate::material::Materials;
 use crate::math::Rgb;
 use crate::medium::Media;
 use crate::ray::{Hit, NONE, Ray};
-use crate::sampler::PixelPoints;
+use crate::sampler::{PixelKey, PixelPoints};
 use crate::texture::Textures;
 use ::scene::model::{Integrator, SamplerKind};
 use film::TileGrid;
@@ -94,7 +94,12 @@ impl Scene {
 
     /// The points of a pixel of the whole picture.
     pub(crate) fn points(&self, pixel: [u32; 2]) -> PixelPoints {
-        PixelPoints::new(self.sampler, self.seed, self.frame, pixel)
+        PixelPoints::new(self.sampler, self.pixel_key(pixel))
+    }
+
+    /// What tells a pixel of the whole picture from others.
+    pub(crate) fn pixel_key(&self, pixel: [u32; 2]) -> PixelKey {
+        PixelKey::new(self.seed, self.frame, pixel)
     }
 
     /// Memory held, for the worker's budget.

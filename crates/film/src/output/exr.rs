@@ -78,7 +78,11 @@ pub fn encode_exr(channels: &Channels, info: &PictureInfo) -> Result<Vec<u8>, Ou
             for row in rows {
                 for plane in planes {
                     let row = &plane[row * width..(row + 1) * width];
-                    raw.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+                    let start = raw.len();
+                    raw.resize(start + row.len() * 4, 0);
+                    for (bytes, value) in raw[start..].chunks_exact_mut(4).zip(row) {
+                        bytes.copy_from_slice(&value.to_le_bytes());
+                    }
                 }
             }
             compress(raw)
@@ -142,17 +146,15 @@ fn head(channels: &Channels, info: &PictureInfo) -> Vec<u8> {
 
 /// Even bytes before odd ones, differences of neighbours, deflate; or as it was if that is smaller.
 fn compress(raw: Vec<u8>) -> std::io::Result<Vec<u8>> {
-    let mut bytes: Vec<u8> = raw
-        .iter()
-        .step_by(2)
-        .chain(raw.iter().skip(1).step_by(2))
-        .copied()
-        .collect();
-    let mut before = bytes.first().copied().unwrap_or(0);
-    for byte in bytes.iter_mut().skip(1) {
-        let this = *byte;
-        *byte = this.wrapping_sub(before).wrapping_add(128);
-        before = this;
+    let mut apart = vec![0; raw.len()];
+    let (even, odd) = apart.split_at_mut(raw.len().div_ceil(2));
+    for ((even, odd), pair) in even.iter_mut().zip(odd).zip(raw.chunks_exact(2)) {
+        [*even, *odd] = [pair[0], pair[1]];
+    }
+    // From one array to another: in place each byte would wait for the one before.
+    let mut bytes = apart.clone();
+    for (byte, pair) in bytes.iter_mut().skip(1).zip(apart.windows(2)) {
+        *byte = pair[1].wrapping_sub(pair[0]).wrapping_add(128);
     }
     let room = Vec::with_capacity(raw.len());
     let mut encoder = flate2::write::ZlibEncoder::new(room, flate2::Compression::fast());

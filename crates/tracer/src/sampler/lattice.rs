@@ -42,6 +42,7 @@ pub struct Keys {
 
 impl Keys {
     /// From the hash of seed, frame, pixel and dimension.
+    #[inline(always)]
     pub fn new(key: u64) -> Keys {
         let mut shift = [0; EVENT];
         for j in 0..EVENT / 2 {

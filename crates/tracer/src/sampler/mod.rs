@@ -17,6 +17,34 @@ const DIMENSIONS_OF_EVENT: u32 = 4;
 /// Events whose keys a pixel keeps: more than most paths have.
 const EVENTS_KEPT: usize = 16;
 
+/// What tells the samples of one pixel from those of others: a hash of seed, frame and pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct PixelKey(u64);
+
+impl PixelKey {
+    /// Of a pixel of a frame.
+    #[inline]
+    pub fn new(seed: u64, frame: u32, pixel: [u32; 2]) -> PixelKey {
+        let place = (pixel[0] as u64) << 32 | pixel[1] as u64;
+        PixelKey(hash::mix(hash::mix(seed ^ (frame as u64) << 40) ^ place))
+    }
+
+    /// Keys of the event that begins at a dimension.
+    #[inline(always)]
+    pub(crate) fn lattice_keys(self, dimension: u32) -> LatticeKeys {
+        LatticeKeys::new(hash::mix(self.0 ^ (dimension as u64) << 32))
+    }
+}
+
+/// First dimension of a scattering event, counted from 0.
+#[inline(always)]
+pub(crate) fn dimension_of(event: u32) -> u32 {
+    (event + 1) * DIMENSIONS_OF_EVENT
+}
+
+/// First dimension of the camera.
+pub(crate) const CAMERA: u32 = 0;
+
 /// What all samples of one pixel have in common: a pure function of seed, frame and pixel, part of which
 /// is worked out when it is first asked for.
 #[derive(Clone, Debug)]
@@ -31,27 +59,14 @@ pub struct PixelPoints {
 }
 
 impl PixelPoints {
-    /// Of a pixel of a frame.
-    pub fn new(kind: SamplerKind, seed: u64, frame: u32, pixel: [u32; 2]) -> PixelPoints {
-        let place = (pixel[0] as u64) << 32 | pixel[1] as u64;
+    /// Of a pixel with a key.
+    pub fn new(kind: SamplerKind, key: PixelKey) -> PixelPoints {
         PixelPoints {
             kind,
-            key: hash::mix(hash::mix(seed ^ (frame as u64) << 40) ^ place),
+            key: key.0,
             events: [lattice::Keys::default(); EVENTS_KEPT + 1],
             known: 0,
         }
-    }
-
-    /// Keys of the camera.
-    #[inline]
-    pub(crate) fn keys_of_camera(&mut self) -> &LatticeKeys {
-        self.event(0)
-    }
-
-    /// Keys of a scattering event of samples of this pixel, counted from 0.
-    #[inline]
-    pub(crate) fn keys_of_event(&mut self, event: u32) -> &LatticeKeys {
-        self.event((event + 1) * DIMENSIONS_OF_EVENT)
     }
 
     /// Keys of the event that begins at a dimension.
@@ -72,8 +87,7 @@ impl PixelPoints {
 
     #[cold]
     fn fill(&mut self, place: usize, dimension: u32) {
-        let key = hash::mix(self.key ^ (dimension as u64) << 32);
-        self.events[place] = lattice::Keys::new(key);
+        self.events[place] = PixelKey(self.key).lattice_keys(dimension);
     }
 }
 
@@ -141,7 +155,7 @@ impl Sampler<'_> {
     #[inline]
     pub(crate) fn at_event(pixel: &mut PixelPoints, index: u32, events: u32) -> Sampler<'_> {
         Sampler {
-            dimension: (events + 1) * DIMENSIONS_OF_EVENT,
+            dimension: dimension_of(events),
             ..Sampler::start(pixel, index)
         }
     }

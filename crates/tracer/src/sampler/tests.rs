@@ -4,7 +4,7 @@ use scene::model::SamplerKind::{Independent, Lattice, OwenSobol, Stratified};
 fn points(kind: SamplerKind, count: u32, dimension: u32, pixel: [u32; 2]) -> Vec<Vec2> {
     (0..count)
         .map(|i| {
-            let mut pixel = PixelPoints::new(kind, 7, 0, pixel);
+            let mut pixel = PixelPoints::new(kind, PixelKey::new(7, 0, pixel));
             let mut s = Sampler::start(&mut pixel, i);
             let mut p = Vec2::ZERO;
             for _ in 0..=dimension {
@@ -59,7 +59,7 @@ fn numbers_are_uniform_and_uncorrelated() {
     for kind in [Lattice, OwenSobol, Stratified, Independent] {
         let (mut sum, mut product, mut cross, mut n) = (Vec2::ZERO, 0.0f64, 0.0f64, 0.0f64);
         for pixel in 0..4096u32 {
-            let mut points = PixelPoints::new(kind, 1, 0, [pixel % 64, pixel / 64]);
+            let mut points = PixelPoints::new(kind, PixelKey::new(1, 0, [pixel % 64, pixel / 64]));
             let mut s = Sampler::start(&mut points, pixel % 7);
             let (a, b) = (s.next_2d(), s.next_2d());
             assert!(a.min_element() >= 0.0 && a.max_element() < 1.0);
@@ -135,7 +135,7 @@ fn four_pairs_are_nets_at_every_level() {
 /// The numbers of the camera and of `events` scattering events, in order.
 fn numbers(kind: SamplerKind, pixel: [u32; 2], index: u32, events: usize) -> Vec<f32> {
     let level = SimdLevel::Scalar;
-    let mut pixel = PixelPoints::new(kind, 7, 0, pixel);
+    let mut pixel = PixelPoints::new(kind, PixelKey::new(7, 0, pixel));
     let mut s = Sampler::start(&mut pixel, index);
     let (film, lens, time) = s.camera(level);
     let mut all = vec![film.x, film.y, lens.x, lens.y, time];

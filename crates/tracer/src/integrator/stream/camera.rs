@@ -4,7 +4,8 @@ use super::Wave;
 use super::paths::{self, Paths};
 use crate::lanes::{Float, Int, LANES, Row, V3, Wide};
 use crate::render::camera_ray;
-use crate::sampler::{self, Sampler};
+use crate::sampler::CAMERA;
+use crate::sampler::{self, PixelPoints, Sampler};
 use glam::Vec2;
 use scene::model::SamplerKind;
 
@@ -15,8 +16,9 @@ pub(super) fn rays<W: Wide>(wave: &Wave, paths: &mut Paths) {
     if scene.sampler != SamplerKind::Lattice || !scene.camera.suits_lanes() {
         for at in 0..paths.len() {
             let whole = paths.pixel(at).whole;
-            let (points, index) = paths.points(paths.place(at));
-            let (ray, weight) = camera_ray(scene, whole, &mut Sampler::start(points, index));
+            let mut points = PixelPoints::new(scene.sampler, paths.pixel_key(at as u32));
+            let mut sampler = Sampler::start(&mut points, paths.index(at));
+            let (ray, weight) = camera_ray(scene, whole, &mut sampler);
             paths.rays_mut()[at] = bytemuck::cast(ray);
             paths.radiance[at] = Row([0.0, 0.0, 0.0, weight, 0.0, 0.0, 0.0, 0.0]);
         }
@@ -30,7 +32,7 @@ pub(super) fn rays<W: Wide>(wave: &Wave, paths: &mut Paths) {
         let mut center = [Row::default(); 2];
         for lane in 0..LANES {
             let slot = slots[lane];
-            shifts[lane] = Row(bytemuck::cast(paths.camera_keys(slot).shift));
+            shifts[lane] = Row(bytemuck::cast(paths.keys(slot, CAMERA).shift));
             reversed[lane] = paths.reversed[slot as usize];
             let [x, y] = paths.pixel(slot as usize).whole;
             center[0].0[lane] = x as f32 + 0.5;

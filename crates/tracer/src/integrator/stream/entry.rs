@@ -3,7 +3,7 @@
 use super::paths::{Paths, Place};
 use super::{Wave, camera, find, finish, numbers, scatter};
 use crate::lanes::entry;
-use film::SampleBuffer;
+use film::{Columns, SampleBuffer};
 
 entry! {
     /// Numbers of the lattice; see [`numbers::lattice`].
@@ -43,5 +43,5 @@ entry! {
 }
 entry! {
     /// See [`finish::add`].
-    pub(super) fn finish(wave: &Wave, paths: &mut Paths, buffer: &mut SampleBuffer) -> u64 = finish::add;
+    pub(super) fn finish(wave: &Wave, paths: &Paths, columns: &mut Columns, buffer: &mut SampleBuffer) -> u64 = finish::add;
 }

@@ -33,14 +33,14 @@ use crate::material::Slots;
 use crate::math::Rgb;
 use crate::ray::NONE;
 use crate::render::SamplesOf;
-use crate::sampler::Sampler;
+use crate::sampler::{PixelPoints, Sampler};
 use crate::scene::Scene;
-use film::{Counters, SampleBuffer};
+use film::{Columns, Counters, SampleBuffer};
 use paths::{List, Paths, Place};
 use tables::{Find, Kind, Model};
 
 /// Paths of a stream: enough to fill lanes on later bounces, few enough for the cache next to a core.
-pub(crate) const CAPACITY: usize = 512;
+pub(crate) const CAPACITY: usize = Columns::LONGEST;
 
 /// What is worked on when, in a wave: every path of a stream is at the same event.
 #[derive(Clone, Copy)]
@@ -66,6 +66,8 @@ pub(crate) struct Stream {
     diffuse: List,
     conductor: List,
     dielectric: List,
+    /// What paths have gathered, a layer at a time.
+    columns: Box<Columns>,
 }
 
 impl Stream {
@@ -81,6 +83,7 @@ impl Stream {
             diffuse: List::new(),
             conductor: List::new(),
             dielectric: List::new(),
+            columns: Box::default(),
         }
     }
 
@@ -92,8 +95,9 @@ impl Stream {
             let Some(run) = samples.next(CAPACITY - paths.len()) else {
                 break;
             };
-            paths.push(run.pixel, scene.points(run.pixel.whole), run.samples);
+            paths.push(run.pixel, scene.pixel_key(run.pixel.whole), run.samples);
         }
+        paths.start();
         paths.len() > 0
     }
 
@@ -136,7 +140,8 @@ impl Stream {
             max_depth: 0,
         };
         counters.samples += self.paths.len() as u64;
-        counters.rejected += entry::finish(scene.geometry.level, &wave, &mut self.paths, buffer);
+        let (paths, columns) = (&*self.paths, &mut *self.columns);
+        counters.rejected += entry::finish(scene.geometry.level, &wave, paths, columns, buffer);
     }
 
     /// From one vertex to the next.
@@ -318,8 +323,8 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
 
 /// The numbers of an event, one path after another.
 fn draw_one(wave: &Wave, paths: &mut Paths, place: Place) {
-    let (points, index) = paths.points(place);
-    let mut sampler = Sampler::at_event(points, index, wave.event);
+    let mut points = PixelPoints::new(wave.scene.sampler, paths.pixel_key(place.slot));
+    let mut sampler = Sampler::at_event(&mut points, paths.index(place.slot as usize), wave.event);
     let numbers = sampler.bounce(wave.scene.geometry.level);
     paths.set_numbers(place, &numbers);
 }

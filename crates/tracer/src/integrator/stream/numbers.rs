@@ -20,6 +20,7 @@ pub(super) fn draw(wave: &Wave, paths: &mut Paths, places: &[Place]) {
 /// [`draw`] in lanes, for points of the lattice.
 #[inline(always)]
 pub(super) fn lattice<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+    let dimension = sampler::dimension_of(wave.event);
     for places in places.chunks(LANES) {
         let group = Group::new(places);
         let mut shifts = [Row::default(); LANES];
@@ -27,7 +28,7 @@ pub(super) fn lattice<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place])
         let mut reversed = [0; LANES];
         for lane in 0..LANES {
             let slot = group.slots[lane];
-            let keys = paths.keys(slot, wave.event);
+            let keys = paths.keys(slot, dimension);
             shifts[lane] = Row(bytemuck::cast(keys.shift));
             orders[lane] = keys.order;
             reversed[lane] = paths.reversed[slot as usize];

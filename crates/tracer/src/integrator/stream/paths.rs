@@ -11,7 +11,7 @@ use crate::lanes::{Float, LANES, Row, Wide};
 use crate::light::Aim;
 use crate::math::Rgb;
 use crate::ray::{Hit, Ray};
-use crate::sampler::{BounceNumbers, LatticeKeys, PixelPoints};
+use crate::sampler::{BounceNumbers, LatticeKeys, PixelKey};
 use glam::{Vec2, Vec3};
 use std::ops::Range;
 
@@ -56,15 +56,26 @@ pub(super) struct Paths {
     pub radiance: Vec<Row>,
     rare: Vec<Rare>,
     any_passed: bool,
+    /// Samples in work.
+    len: usize,
     /// Sample index by slot, and its bits reversed.
-    index: Vec<u32>,
-    pub reversed: Vec<u32>,
+    index: Box<[u32; CAPACITY]>,
+    pub reversed: Box<[u32; CAPACITY]>,
     /// Pixel by slot.
-    pixel: Vec<u32>,
-    pixels: Vec<PixelPoints>,
-    of: Vec<PixelOf>,
-    /// Keys of an event by pixel, and of which event.
-    keys: Vec<(LatticeKeys, u32)>,
+    pixel: Box<[u32; CAPACITY]>,
+    pixels: Vec<Pixel>,
+}
+
+/// What the samples of a pixel have in common.
+#[derive(Clone, Copy)]
+struct Pixel {
+    of: PixelOf,
+    key: PixelKey,
+    /// Slot after its last.
+    end: u32,
+    /// Dimension that `keys` are of.
+    dimension: u32,
+    keys: LatticeKeys,
 }
 
 /// A pixel that samples are of.
@@ -106,23 +117,18 @@ impl Paths {
             radiance: rows(),
             rare: vec![Rare::NONE; CAPACITY],
             any_passed: false,
-            index: Vec::with_capacity(CAPACITY),
-            reversed: Vec::with_capacity(CAPACITY),
-            pixel: Vec::with_capacity(CAPACITY),
+            len: 0,
+            index: Box::new([0; CAPACITY]),
+            reversed: Box::new([0; CAPACITY]),
+            pixel: Box::new([0; CAPACITY]),
             pixels: Vec::with_capacity(CAPACITY),
-            of: Vec::with_capacity(CAPACITY),
-            keys: Vec::with_capacity(CAPACITY),
         })
     }
 
     /// Makes room for new paths.
     pub fn clear(&mut self) {
-        self.index.clear();
-        self.reversed.clear();
-        self.pixel.clear();
+        self.len = 0;
         self.pixels.clear();
-        self.keys.clear();
-        self.of.clear();
         let nothing = Carried {
             throughput: Rgb::ONE,
             eta_scale: 1.0,
@@ -137,42 +143,58 @@ impl Paths {
         self.any_passed = false;
     }
 
-    /// Adds samples of a pixel; [`super::camera::rays`] makes their rays.
-    pub fn push(&mut self, of: PixelOf, points: PixelPoints, samples: Range<u32>) {
+    /// Adds samples of a pixel.
+    pub fn push(&mut self, of: PixelOf, key: PixelKey, samples: Range<u32>) {
         let pixel = self.pixels.len() as u32;
-        self.keys.push((LatticeKeys::default(), u32::MAX));
-        self.pixels.push(points);
-        self.of.push(of);
-        let begin = self.index.len() as u32;
-        let count = samples.end - samples.start;
-        self.slots.extend(begin..begin + count);
-        self.rays.resize((begin + count) as usize, Row::default());
-        self.pixel.resize((begin + count) as usize, pixel);
-        self.reversed.extend(samples.clone().map(u32::reverse_bits));
-        self.index.extend(samples);
+        for index in samples {
+            self.index[self.len] = index;
+            self.reversed[self.len] = index.reverse_bits();
+            self.pixel[self.len] = pixel;
+            self.len += 1;
+        }
+        self.pixels.push(Pixel {
+            of,
+            key,
+            end: self.len as u32,
+            dimension: u32::MAX,
+            keys: LatticeKeys::default(),
+        });
+    }
+
+    /// Puts all samples on their way; [`super::camera::rays`] makes their rays.
+    pub fn start(&mut self) {
+        self.slots.clear();
+        self.slots.extend(0..self.len as u32);
+        self.rays.resize(self.len, Row::default());
     }
 
     /// Samples, on their way or not.
     pub fn len(&self) -> usize {
-        self.index.len()
+        self.len
     }
 
     /// The pixel of a sample.
     #[inline(always)]
     pub fn pixel(&self, slot: usize) -> &PixelOf {
-        &self.of[self.pixel[slot] as usize]
+        &self.pixels[self.pixel[slot] as usize].of
+    }
+
+    /// The slot after the last sample of a sample's pixel.
+    #[inline(always)]
+    pub fn end_of_pixel(&self, slot: usize) -> usize {
+        self.pixels[self.pixel[slot] as usize].end as usize
+    }
+
+    /// What tells a sample's pixel from others.
+    #[inline(always)]
+    pub fn pixel_key(&self, slot: u32) -> PixelKey {
+        self.pixels[self.pixel[slot as usize] as usize].key
     }
 
     /// Index of a sample.
     #[inline(always)]
     pub fn index(&self, slot: usize) -> u32 {
         self.index[slot]
-    }
-
-    /// Keys of the camera of a sample's pixel.
-    #[inline(always)]
-    pub fn camera_keys(&mut self, slot: u32) -> &LatticeKeys {
-        self.pixels[self.pixel[slot as usize] as usize].keys_of_camera()
     }
 
     /// Rays of this wave, to be made.
@@ -362,25 +384,15 @@ impl Paths {
         radiance[2] += light.z;
     }
 
-    /// The points of a path's pixel, and its sample index.
-    pub fn points(&mut self, place: Place) -> (&mut PixelPoints, u32) {
-        let slot = place.slot as usize;
-        (
-            &mut self.pixels[self.pixel[slot] as usize],
-            self.index[slot],
-        )
-    }
-
-    /// Keys of an event of a path's pixel.
+    /// Keys of the event of a path's pixel that begins at a dimension.
     #[inline(always)]
-    pub fn keys(&mut self, slot: u32, event: u32) -> &LatticeKeys {
-        let pixel = self.pixel[slot as usize] as usize;
-        let (keys, of) = &mut self.keys[pixel];
-        if *of != event {
-            *of = event;
-            *keys = *self.pixels[pixel].keys_of_event(event);
+    pub fn keys(&mut self, slot: u32, dimension: u32) -> &LatticeKeys {
+        let pixel = &mut self.pixels[self.pixel[slot as usize] as usize];
+        if pixel.dimension != dimension {
+            pixel.dimension = dimension;
+            pixel.keys = pixel.key.lattice_keys(dimension);
         }
-        keys
+        &pixel.keys
     }
 
     /// A vertex that lanes go on with: its shading normal, and the albedo or the material (bits).

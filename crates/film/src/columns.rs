@@ -1,41 +1,42 @@
-//! Sums over consecutive samples of one pixel, worked out layer by layer.
+//! Sums over consecutive samples of a pixel, worked out layer by layer.
 
 use crate::buffer::{
     LUMINANCE_SMALL_BITS, LayerSample, PixelSums, in_second_half, luminance_fixed, luminance_small,
 };
 use crate::fixed::{self, Square};
+use std::ops::Range;
 
-/// Samples of one pixel, a layer at a time.
+/// Samples side by side, a layer at a time.
 #[derive(Clone, Debug)]
 #[repr(align(32))]
-pub struct Run {
+pub struct Columns {
     /// See [`LayerSample::beauty`].
-    pub beauty: [[f32; Run::LONGEST]; 3],
+    pub beauty: [[f32; Columns::LONGEST]; 3],
     /// See [`LayerSample::alpha`].
-    pub alpha: [f32; Run::LONGEST],
+    pub alpha: [f32; Columns::LONGEST],
     /// See [`LayerSample::albedo`].
-    pub albedo: [[f32; Run::LONGEST]; 3],
+    pub albedo: [[f32; Columns::LONGEST]; 3],
     /// See [`LayerSample::normal`].
-    pub normal: [[f32; Run::LONGEST]; 3],
+    pub normal: [[f32; Columns::LONGEST]; 3],
     /// See [`LayerSample::depth`].
-    pub depth: [f32; Run::LONGEST],
+    pub depth: [f32; Columns::LONGEST],
 }
 
-/// Magnitudes of radiance and distance below this take the short way: their fixed-point sums over a run
-/// fit 64 bits, those of their squares 128.
+/// Magnitudes of radiance and distance below this take the short way: their fixed-point sums over all
+/// samples of columns fit 64 bits, those of their squares 128.
 const SMALL: f32 = 2048.0;
 
 /// Radiances below this have their luminance in 64 bits.
 const LUMINANCE_SMALL: f32 = (1u64 << (LUMINANCE_SMALL_BITS - fixed::VALUE_BITS)) as f32;
 
-impl Run {
+impl Columns {
     /// Most samples.
-    pub const LONGEST: usize = 64;
+    pub const LONGEST: usize = 512;
 
     /// All zero.
-    pub fn new() -> Run {
-        let zero = [0.0; Run::LONGEST];
-        Run {
+    pub fn new() -> Columns {
+        let zero = [0.0; Columns::LONGEST];
+        Columns {
             beauty: [zero; 3],
             alpha: zero,
             albedo: [zero; 3],
@@ -58,59 +59,64 @@ impl Run {
         }
     }
 
-    /// Sums over the first `count` samples, of which the first has the index `begin`; `None` where one
-    /// is too large for the short way. Always inlined, so that it is compiled for the instructions of
-    /// whoever calls it.
+    /// Sums over some samples, of which the first has the index `begin`; `None` where one is too large
+    /// for the short way. Always inlined, so that it is compiled for the instructions of whoever calls
+    /// it.
     #[inline(always)]
-    pub(crate) fn sums(&self, begin: u32, count: usize) -> Option<PixelSums> {
-        let mut bounded = largest(&self.alpha[..count]);
+    pub(crate) fn sums(&self, begin: u32, of: Range<usize>) -> Option<PixelSums> {
+        let alpha = &self.alpha[of.clone()];
+        let depth = &self.depth[of.clone()];
+        let mut bounded = largest(alpha);
         let mut value = 0;
         for c in 0..3 {
-            value = value.max(largest(&self.beauty[c][..count]));
-            bounded = bounded.max(largest(&self.albedo[c][..count]));
-            bounded = bounded.max(largest(&self.normal[c][..count]));
+            value = value.max(largest(&self.beauty[c][of.clone()]));
+            bounded = bounded.max(largest(&self.albedo[c][of.clone()]));
+            bounded = bounded.max(largest(&self.normal[c][of.clone()]));
         }
         if value >= SMALL.to_bits() || bounded > fixed::BOUNDED_MAX.to_bits() {
             return None;
         }
         let mut sums = PixelSums {
-            alpha: sum_bounded(&self.alpha[..count]),
+            alpha: sum_bounded(alpha),
             ..PixelSums::default()
         };
-        let mut beauty = [[0i64; Run::LONGEST]; 3];
-        for (c, fixed) in beauty.iter_mut().enumerate() {
-            let mut sum = 0;
-            for (to, x) in fixed.iter_mut().zip(&self.beauty[c][..count]) {
-                *to = fixed::to_fixed_small(*x);
-                sum += *to;
+        for c in 0..3 {
+            let column = &self.beauty[c][of.clone()];
+            let (mut sum, mut squares) = (0, 0);
+            for x in column {
+                sum += fixed::to_fixed_small(*x);
             }
-            sums.beauty[c] = sum as i128;
-            let mut squares = 0;
-            for x in &self.beauty[c][..count] {
+            for x in column {
                 squares += Square::of_small(*x);
             }
+            sums.beauty[c] = sum as i128;
             sums.square[c] = Square {
                 whole: squares >> 64,
                 fraction: squares as u64,
             };
-            sums.albedo[c] = sum_bounded(&self.albedo[c][..count]);
-            sums.normal[c] = sum_bounded(&self.normal[c][..count]);
+            sums.albedo[c] = sum_bounded(&self.albedo[c][of.clone()]);
+            sums.normal[c] = sum_bounded(&self.normal[c][of.clone()]);
         }
-        let [r, g, b] = &beauty;
-        let second = r[..count].iter().zip(g).zip(b).enumerate();
-        let second = second.filter(|(i, _)| in_second_half(begin.wrapping_add(*i as u32)));
-        sums.half = if value < LUMINANCE_SMALL.to_bits() {
-            let mut half = 0;
-            for (_, ((r, g), b)) in second {
-                half += luminance_small([*r, *g, *b]);
+        let is_small = value < LUMINANCE_SMALL.to_bits();
+        let (mut half, mut half_wide) = (0, 0);
+        let [r, g, b] = &self.beauty;
+        for at in of.clone() {
+            let index = begin.wrapping_add((at - of.start) as u32);
+            if !in_second_half(index) {
+                continue;
             }
-            half as i128
-        } else {
-            let wide = second.map(|(_, ((r, g), b))| [*r, *g, *b].map(i128::from));
-            wide.map(luminance_fixed).sum()
-        };
-        let mut depth = 0;
-        for x in &self.depth[..count] {
+            let r = fixed::to_fixed_small(r[at]);
+            let g = fixed::to_fixed_small(g[at]);
+            let b = fixed::to_fixed_small(b[at]);
+            if is_small {
+                half += luminance_small([r, g, b]);
+            } else {
+                half_wide += luminance_fixed([r as i128, g as i128, b as i128]);
+            }
+        }
+        sums.half = half as i128 + half_wide;
+        let mut distance = 0;
+        for x in depth {
             if *x == f32::INFINITY {
                 continue;
             }
@@ -118,17 +124,17 @@ impl Run {
             if !small {
                 return None;
             }
-            depth += fixed::to_fixed_small(*x);
+            distance += fixed::to_fixed_small(*x);
             sums.hits += 1;
         }
-        sums.depth = depth as i128;
+        sums.depth = distance as i128;
         Some(sums)
     }
 }
 
-impl Default for Run {
+impl Default for Columns {
     fn default() -> Self {
-        Run::new()
+        Columns::new()
     }
 }
 
@@ -156,6 +162,8 @@ mod tests {
     use super::*;
     use crate::buffer::SampleBuffer;
     use crate::unit::{SampleRange, Tile};
+
+    const LENGTH: usize = 64;
 
     fn buffer() -> SampleBuffer {
         let tile = Tile {
@@ -194,25 +202,28 @@ mod tests {
                     _ => unit * scale,
                 }
             };
-            let mut run = Run::new();
-            for i in 0..Run::LONGEST {
+            let mut columns = Columns::new();
+            for i in 0..LENGTH {
                 for c in 0..3 {
-                    run.beauty[c][i] = number(radiance);
-                    run.albedo[c][i] = number(1.0);
-                    run.normal[c][i] = number(1.0);
+                    columns.beauty[c][i] = number(radiance);
+                    columns.albedo[c][i] = number(1.0);
+                    columns.normal[c][i] = number(1.0);
                 }
-                run.alpha[i] = number(1.0);
-                run.depth[i] = number(900.0);
+                columns.alpha[i] = number(1.0);
+                columns.depth[i] = number(900.0);
                 if i % 7 == 3 {
-                    run.depth[i] = f32::INFINITY;
+                    columns.depth[i] = f32::INFINITY;
                 }
             }
-            let count = 1 + round % Run::LONGEST;
+            let from = round / 7 % 20;
+            let count = 1 + round % (LENGTH - from);
             let (mut together, mut singly) = (buffer(), buffer());
-            let rejected = together.add_run(1, 0, 5, count, &run);
+            let rejected = together.add_run(1, 0, 5, from..from + count, &columns);
             let mut expected = 0;
             for i in 0..count {
-                expected += singly.add(1, 0, 5 + i as u32, &run.sample(i)).is_err() as u64;
+                expected += singly
+                    .add(1, 0, 5 + i as u32, &columns.sample(from + i))
+                    .is_err() as u64;
             }
             assert_eq!(rejected, expected, "round {round}");
             assert_eq!(together, singly, "round {round}");
