@@ -19,7 +19,7 @@ use glam::Vec3;
 pub(super) const ROULETTE_FROM: u32 = 2;
 /// A path goes on for certain while its throughput is above the reciprocal of this: on diffuse
 /// interreflection ending paths earlier costs more noise than it saves time.
-pub(super) const ROULETTE_FACTOR: f32 = 3.0;
+pub(super) const ROULETTE_FACTOR: f32 = 4.0;
 
 /// What a path carries from one vertex to the next.
 #[derive(Clone, Copy)]

@@ -3,10 +3,10 @@
 //! total.
 //!
 //! Point i is frac(phi(i) z + shift), with phi the radical inverse in base 2 and z a vector of odd
-//! integers. Eight dimensions cost one multiplication each. The camera and the first scattering event
-//! share the order of the points, so that their thirteen dimensions are one lattice; every later
-//! event takes the points in an order of its own, scrambled as in [Burley20] so that each aligned
-//! block of 2^m indices stays such a block (and its points a shifted lattice).
+//! integers. Eight dimensions cost one multiplication each. The camera and the first two scattering
+//! events share the order of the points, so that their dimensions are one lattice; every later event
+//! takes the points in an order of its own, scrambled as in [Burley20] so that each aligned block of
+//! 2^m indices stays such a block (and its points a shifted lattice).
 
 use super::sobol::{owen, owen_in_lanes};
 use super::to_unit;
@@ -17,18 +17,23 @@ use crate::lanes::{Float, Int, Wide};
 const CAMERA: usize = 5;
 /// Dimensions of a scattering event.
 const EVENT: usize = 8;
+/// Events that share the order of the points with the camera.
+const JOINT: u32 = 2;
 
-/// The generating vector: camera, then event (light, direction, choice of light, lobe, roulette, mix).
+/// The generating vector: camera, then two events (light, direction, choice of light, lobe, roulette,
+/// mix), of which later ones take the first.
 ///
 /// Found component by component: for every power of two up to 2^12 all odd candidates were tried, with
 /// the sum of squares of P2 (the worst-case error over functions with square-integrable mixed
 /// derivatives [SloanJoe94]) of each two-dimensional projection over the best that two dimensions can
 /// have. Pairs that are the two coordinates of one decision weigh 1, a choice and what it chooses .6,
-/// other pairs of one event .3, of the camera and the event .15. Higher bits, up to 2^20, were
-/// chosen one by one the same way.
-pub(super) const VECTOR: [u32; CAMERA + EVENT] = [
+/// other pairs of one event .3, of different ones .15; but those of the first direction and of what is
+/// done where it leads (light and direction of the second event) 1. The second event was found after
+/// the others. Higher bits, up to 2^20, were chosen one by one the same way.
+pub(super) const VECTOR: [u32; CAMERA + JOINT as usize * EVENT] = [
     1, 676_261, 988_099, 844_985, 570_957, // camera
-    123_475, 82_281, 610_741, 950_993, 743_073, 385_157, 439_659, 30_473, // event
+    123_475, 82_281, 610_741, 950_993, 743_073, 385_157, 439_659, 30_473, // first event
+    755_581, 852_519, 259_927, 578_993, 901_819, 1_000_819, 643_615, 46_063, // second event
 ];
 
 /// What tells one event of a pixel from another: the same for all samples.
@@ -65,13 +70,13 @@ pub fn camera(reversed: u32, keys: &Keys) -> [f32; CAMERA] {
 
 /// Numbers of a scattering event; `joint` with those of the camera.
 #[inline(always)]
-pub fn event(reversed: u32, keys: &Keys, joint: bool) -> [f32; EVENT] {
-    let phi = if joint {
-        reversed
+pub fn event(reversed: u32, keys: &Keys, nth: u32) -> [f32; EVENT] {
+    let (phi, from) = if nth < JOINT {
+        (reversed, CAMERA + nth as usize * EVENT)
     } else {
-        owen(reversed, keys.order)
+        (owen(reversed, keys.order), CAMERA)
     };
-    std::array::from_fn(|j| point(phi, VECTOR[CAMERA + j], keys.shift[j]))
+    std::array::from_fn(|j| point(phi, VECTOR[from + j], keys.shift[j]))
 }
 
 /// [`camera`] for eight samples, as [`event_in_lanes`].
@@ -91,16 +96,16 @@ pub fn event_in_lanes<W: Wide>(
     reversed: W::I,
     orders: W::I,
     shifts: [W::F; EVENT],
-    joint: bool,
+    nth: u32,
 ) -> [W::F; EVENT] {
-    let phi = if joint {
-        reversed
+    let (phi, from) = if nth < JOINT {
+        (reversed, CAMERA + nth as usize * EVENT)
     } else {
-        owen_in_lanes::<W>(reversed, orders)
+        (owen_in_lanes::<W>(reversed, orders), CAMERA)
     };
     let mut numbers = shifts;
     for j in 0..EVENT {
-        numbers[j] = point_in_lanes::<W>(phi, VECTOR[CAMERA + j], shifts[j]);
+        numbers[j] = point_in_lanes::<W>(phi, VECTOR[from + j], shifts[j]);
     }
     numbers
 }

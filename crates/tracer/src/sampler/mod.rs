@@ -237,11 +237,11 @@ impl Sampler<'_> {
     #[inline]
     pub fn bounce(&mut self, level: SimdLevel) -> BounceNumbers {
         if self.pixel.kind == SamplerKind::Lattice {
-            let joint = self.dimension <= DIMENSIONS_OF_EVENT;
+            let nth = (self.dimension / DIMENSIONS_OF_EVENT).saturating_sub(1);
             let keys = self.pixel.event(self.dimension);
             self.dimension += DIMENSIONS_OF_EVENT;
             let [lx, ly, bx, by, light_choice, lobe, roulette, mix] =
-                lattice::event(self.reversed, keys, joint);
+                lattice::event(self.reversed, keys, nth);
             return BounceNumbers {
                 light: Vec2::new(lx, ly),
                 bsdf: Vec2::new(bx, by),

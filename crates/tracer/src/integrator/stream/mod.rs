@@ -36,7 +36,7 @@ use crate::render::SamplesOf;
 use crate::sampler::{PixelPoints, Sampler};
 use crate::scene::Scene;
 use film::{Columns, Counters, SampleBuffer};
-use paths::{List, Paths, Place};
+use paths::{Lists, Paths, Place};
 use tables::{Find, Kind, Model};
 
 /// Paths of a stream: enough to fill lanes on later bounces, few enough for the cache next to a core.
@@ -55,17 +55,7 @@ struct Wave<'s> {
 /// Room for a stream, to be used for one after another.
 pub(crate) struct Stream {
     paths: Box<Paths>,
-    /// Rays that leave the scene.
-    missed: List,
-    /// By how the vertices of hits are found.
-    flat: List,
-    meshes: List,
-    spheres: List,
-    other: List,
-    /// By how vertices scatter.
-    diffuse: List,
-    conductor: List,
-    dielectric: List,
+    lists: Lists,
     /// What paths have gathered, a layer at a time.
     columns: Box<Columns>,
 }
@@ -75,14 +65,7 @@ impl Stream {
     pub(crate) fn new() -> Stream {
         Stream {
             paths: Paths::new(),
-            missed: List::new(),
-            flat: List::new(),
-            meshes: List::new(),
-            spheres: List::new(),
-            other: List::new(),
-            diffuse: List::new(),
-            conductor: List::new(),
-            dielectric: List::new(),
+            lists: Lists::new(),
             columns: Box::default(),
         }
     }
@@ -156,18 +139,19 @@ impl Stream {
         counters.rays += paths.active() as u64;
         paths.find_hits(&scene.geometry);
         self.sort(wave);
-        for place in self.missed.all() {
+        for place in self.lists.missed.all() {
             escape(scene, &mut self.paths, *place);
         }
-        for list in [&self.flat, &self.meshes, &self.spheres, &self.other] {
-            numbers::draw(wave, &mut self.paths, list.all());
-        }
         let paths = &mut *self.paths;
-        entry::find_flat(level, wave, paths, self.flat.all());
-        entry::find_meshes(level, wave, paths, self.meshes.all());
-        entry::find_spheres(level, wave, paths, self.spheres.all());
-        for at in 0..self.other.all().len() {
-            let place = self.other.all()[at];
+        let lists = &mut self.lists;
+        for found in &lists.found {
+            numbers::draw(wave, paths, found.all());
+        }
+        entry::find_flat(level, wave, paths, lists.found(Find::Flat));
+        entry::find_meshes(level, wave, paths, lists.found(Find::Mesh));
+        entry::find_spheres(level, wave, paths, lists.found(Find::Sphere));
+        for at in 0..lists.found(Find::Other).len() {
+            let place = lists.found(Find::Other)[at];
             // Pictures that had to go are let go of at each vertex: those of a whole wave would be too many.
             scene.textures.refresh();
             let wave = &Wave {
@@ -175,11 +159,9 @@ impl Stream {
                 event,
                 max_depth,
             };
-            match scatter_one(wave, &mut self.paths, place, counters) {
-                Model::Other => {}
-                Model::Diffuse => self.diffuse.push_if(place, true),
-                Model::Conductor => self.conductor.push_if(place, true),
-                Model::Dielectric => self.dielectric.push_if(place, true),
+            let model = scatter_one(wave, paths, place, counters);
+            if model != Model::Other {
+                lists.scattering[model as usize].push(place);
             }
         }
         let wave = &Wave {
@@ -187,9 +169,8 @@ impl Stream {
             event,
             max_depth,
         };
-        let paths = &mut *self.paths;
         let [diffuse, conductor, dielectric] =
-            [&self.diffuse, &self.conductor, &self.dielectric].map(List::all);
+            [Model::Diffuse, Model::Conductor, Model::Dielectric].map(|m| lists.scattering(m));
         counters.bounces += (diffuse.len() + conductor.len() + dielectric.len()) as u64;
         light::choose(wave, paths, Model::Diffuse, diffuse);
         entry::scatter_diffuse(level, wave, paths, diffuse);
@@ -206,18 +187,8 @@ impl Stream {
     fn sort(&mut self, wave: &Wave) {
         let tables = &wave.scene.stream;
         let paths = &*self.paths;
-        for list in [
-            &mut self.missed,
-            &mut self.flat,
-            &mut self.meshes,
-            &mut self.spheres,
-            &mut self.other,
-            &mut self.diffuse,
-            &mut self.conductor,
-            &mut self.dielectric,
-        ] {
-            list.clear();
-        }
+        let lists = &mut self.lists;
+        lists.clear();
         // Nobody has had more scattering events than there were vertices.
         let is_special = wave.event >= wave.max_depth || paths.any_passed();
         let sees_sky = wave.event == 0 || !wave.scene.lights.environments.is_empty();
@@ -225,7 +196,9 @@ impl Stream {
             let place = paths.place(at);
             let hit = paths.hit_of(place.ray);
             if !hit.is_some() {
-                self.missed.push_if(place, sees_sky);
+                if sees_sky {
+                    lists.missed.push(place);
+                }
                 continue;
             }
             let mut kind = match hit.instance {
@@ -239,15 +212,8 @@ impl Stream {
                     continue;
                 }
             }
-            self.flat.push_if(place, kind.find == Find::Flat);
-            self.meshes.push_if(place, kind.find == Find::Mesh);
-            self.spheres.push_if(place, kind.find == Find::Sphere);
-            self.other.push_if(place, kind.find == Find::Other);
-            self.diffuse.push_if(place, kind.model == Model::Diffuse);
-            self.conductor
-                .push_if(place, kind.model == Model::Conductor);
-            self.dielectric
-                .push_if(place, kind.model == Model::Dielectric);
+            lists.found[kind.find as usize].push(place);
+            lists.scattering[kind.model as usize].push(place);
         }
     }
 }

@@ -38,7 +38,7 @@ pub(super) fn lattice<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place])
             W::I::load(&reversed),
             W::I::load(&orders),
             shifts,
-            wave.event == 0,
+            wave.event,
         );
         paths::scatter::<W>(&mut paths.numbers, &group.slots, numbers);
     }

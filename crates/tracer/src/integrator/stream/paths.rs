@@ -2,6 +2,7 @@
 //! read and a transposition.
 
 use super::CAPACITY;
+use super::tables::{Find, Model};
 use crate::accel::Geometry;
 use crate::geometry::Interaction;
 use crate::integrator::First;
@@ -475,32 +476,62 @@ impl Rare {
 
 /// A list of paths.
 pub(super) struct List {
-    places: Box<[Place; CAPACITY + 1]>,
+    places: Box<[Place; CAPACITY]>,
     len: usize,
 }
 
 impl List {
-    pub fn new() -> List {
+    fn new() -> List {
         List {
-            // A place more, which is written to and not counted.
-            places: Box::new([Place { ray: 0, slot: 0 }; CAPACITY + 1]),
+            places: Box::new([Place { ray: 0, slot: 0 }; CAPACITY]),
             len: 0,
         }
-    }
-
-    pub fn clear(&mut self) {
-        self.len = 0;
     }
 
     pub fn all(&self) -> &[Place] {
         &self.places[..self.len]
     }
 
-    /// Adds a path if it belongs there, without a branch.
     #[inline(always)]
-    pub fn push_if(&mut self, place: Place, belongs: bool) {
+    pub fn push(&mut self, place: Place) {
         self.places[self.len] = place;
-        self.len += belongs as usize;
+        self.len += 1;
+    }
+}
+
+/// The paths of a wave by what is done with them.
+pub(super) struct Lists {
+    /// Rays that leave the scene.
+    pub missed: List,
+    /// By [`Find`]: how the vertices of hits are found.
+    pub found: [List; 4],
+    /// By [`Model`]: how vertices scatter; those of [`Model::Other`] are done with.
+    pub scattering: [List; 4],
+}
+
+impl Lists {
+    pub fn new() -> Lists {
+        let lists = || [List::new(), List::new(), List::new(), List::new()];
+        Lists {
+            missed: List::new(),
+            found: lists(),
+            scattering: lists(),
+        }
+    }
+
+    pub fn clear(&mut self) {
+        self.missed.len = 0;
+        for list in self.found.iter_mut().chain(&mut self.scattering) {
+            list.len = 0;
+        }
+    }
+
+    pub fn found(&self, find: Find) -> &[Place] {
+        self.found[find as usize].all()
+    }
+
+    pub fn scattering(&self, model: Model) -> &[Place] {
+        self.scattering[model as usize].all()
     }
 }
 
