@@ -66,6 +66,17 @@ impl Pace {
         let want = (idle + ahead).saturating_sub(load.waiting);
         (want as u32).min(WANT_MAX)
     }
+
+    /// Whether so much waits that more is better left to others: twice as long as is asked for, and
+    /// more units than are held where they are long.
+    pub fn is_plenty(&self, load: &Load) -> bool {
+        let Some(seconds) = self.seconds_per_sample else {
+            return false;
+        };
+        let idle = load.threads.saturating_sub(load.running);
+        let waiting_seconds = seconds * load.waiting_samples as f64 / load.threads as f64;
+        load.waiting >= AHEAD_UNITS + idle && waiting_seconds > 2.0 * AHEAD_SECONDS
+    }
 }
 
 #[cfg(test)]
@@ -107,6 +118,20 @@ mod tests {
         short = Pace::default();
         short.observe(4096, 1e-9);
         assert_eq!(short.want(&load(4, 0)), WANT_MAX);
+    }
+
+    #[test]
+    fn units_that_have_grown_are_left_to_others() {
+        let mut pace = Pace::default();
+        assert!(!pace.is_plenty(&load(4, 1000)), "nothing is known yet");
+        pace.observe(4096, 0.1);
+        assert!(!pace.is_plenty(&load(4, 80)), "two seconds of four threads");
+        assert!(pace.is_plenty(&load(4, 81)));
+        pace = Pace::default();
+        pace.observe(4096, 10.0);
+        assert!(!pace.is_plenty(&load(4, 1)));
+        assert!(!pace.is_plenty(&load(2, 3)), "two threads are idle");
+        assert!(pace.is_plenty(&load(4, 2)));
     }
 
     #[test]

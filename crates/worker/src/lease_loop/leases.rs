@@ -59,12 +59,19 @@ impl LeaseLoop {
             self.give_back_unstarted();
         }
         let mut ready = Vec::new();
+        let mut load = self.load();
         for lease in leases {
-            if self.leaving.is_some() {
+            // Units grow from pass to pass: what was asked for by the size of the last may be far too
+            // much, and others would have nothing to do at the end.
+            if self.leaving.is_some() || self.pace.is_plenty(&load) {
                 self.reports.given_back.push(lease.at);
-            } else if let Some(work) = self.take_lease(lease) {
+                continue;
+            }
+            if let Some(work) = self.take_lease(lease) {
                 ready.push(work);
             }
+            load.waiting += 1;
+            load.waiting_samples += self.unit_samples;
         }
         self.pool.push(ready);
     }
