@@ -124,8 +124,8 @@ pub fn restore(farm: &Farm, record: &JobRecord, frame: u32) -> Result<Restored, 
             digest: entry.digest,
             worker: entry.worker.to_string(),
         };
-        match film::decode_unit(&entry.bytes) {
-            Ok(result) => match film.merge(&result, receipt) {
+        match film::PackedUnit::read(&entry.bytes) {
+            Ok(result) => match film.merge_packed(&result, receipt) {
                 Ok(Merged::Added) => replayed += 1,
                 Ok(Merged::AlreadyMerged) | Err(MergeError::Overlap { .. }) => {}
                 Err(error) => tracing::warn!(job.id = %record.id, unit.id = %unit, %error, "a logged result is not merged"),

@@ -27,7 +27,7 @@ use tokio_util::sync::CancellationToken;
 use tokio_util::task::TaskTracker;
 use uuid::Uuid;
 
-/// Decoded results that wait for their merge; each may take a megabyte.
+/// Checked results that wait for their merge; each may take a megabyte.
 const RESULTS_IN_FLIGHT: usize = 64;
 /// The version of a picture rises with every merge, and the record is not saved with every merge:
 /// after a restart it goes on above anything that was shown. What the log brings back counts one by
@@ -479,9 +479,7 @@ pub fn settle(plan: &mut FramePlan, film: &film::Film) {
         let spp = tile.spp();
         let error = || {
             let whole = tile.samples() == spp;
-            tile.errors()
-                .filter(|_| whole)
-                .map(|e| e.of(film::error::ERROR_KIND))
+            tile.error().filter(|_| whole)
         };
         plan.merged(index, spp, error);
     }

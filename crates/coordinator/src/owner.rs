@@ -11,7 +11,8 @@ pub use save::release;
 pub use stats::stats_of;
 
 use crate::farm::Farm;
-use film::{Receipt, UnitResult};
+use bytes::Bytes;
+use film::{PackedUnit, Receipt};
 use std::sync::{Arc, Weak, mpsc};
 use std::time::{Duration, Instant};
 use store::StoreError;
@@ -44,12 +45,10 @@ pub enum Order {
 
 /// A result on its way into the film.
 pub struct Arrived {
-    /// Decoded.
-    pub result: UnitResult,
+    /// Checked, and still packed.
+    pub result: PackedUnit<Bytes>,
     /// Of its bytes.
     pub receipt: Receipt,
-    /// How many those are.
-    pub bytes: usize,
     /// Names it among those in flight.
     pub token: u64,
     /// Room in memory, given back when it is merged.
@@ -114,7 +113,7 @@ impl Work {
             let every = farm.config.checkpoint_every;
             match order {
                 Ok(Order::Merge(arrived)) => {
-                    self.bytes += arrived.bytes as u64;
+                    self.bytes += arrived.result.bytes().len() as u64;
                     self.merge(&farm, *arrived);
                     due = due.or_else(|| Some(Instant::now() + every));
                     if self.bytes >= farm.config.checkpoint_bytes {

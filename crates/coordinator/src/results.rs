@@ -11,7 +11,7 @@ use crate::plan::Fit;
 use crate::reopen::{Merged, reopen};
 use crate::{audit, sync};
 use bytes::Bytes;
-use film::{Receipt, Unit, UnitResult};
+use film::{PackedUnit, Receipt, Unit};
 use protocol::JobState;
 use std::sync::Arc;
 use store::{Appended, Digest, LogEntry, StoreError};
@@ -279,25 +279,25 @@ impl Farm {
     }
 
     /// A decoded result has to be what its address says.
-    fn check(&self, delivery: &Delivery, result: &UnitResult) -> Result<(), ApiError> {
-        if result.engine != film::ENGINE_VERSION {
+    fn check(&self, delivery: &Delivery, result: &PackedUnit<Bytes>) -> Result<(), ApiError> {
+        if result.engine() != film::ENGINE_VERSION {
             return Err(ApiError::new(
                 ENGINE,
                 format!(
                     "the result is of engine version {}, the coordinator has {}",
-                    result.engine,
+                    result.engine(),
                     film::ENGINE_VERSION
                 ),
             ));
         }
         let grid = self.with_job(delivery.job, |job| Ok(job.record.grid()))?;
         let rectangle = (delivery.unit.tile < grid.count()).then(|| grid.tile(delivery.unit.tile));
-        if result.unit != delivery.unit || Some(result.tile) != rectangle {
+        if result.unit() != delivery.unit || Some(result.tile()) != rectangle {
             return Err(ApiError::new(
                 BAD_RESULT,
                 format!(
                     "the bytes are of unit {} with another rectangle or address",
-                    result.unit
+                    result.unit()
                 ),
             ));
         }
@@ -308,7 +308,7 @@ impl Farm {
     fn accept(
         self: &Arc<Self>,
         delivery: &Delivery,
-        result: UnitResult,
+        result: PackedUnit<Bytes>,
         token: u64,
         room: tokio::sync::OwnedSemaphorePermit,
     ) -> Result<Taken, ApiError> {
@@ -360,7 +360,6 @@ impl Farm {
                 digest: delivery.digest,
                 worker: delivery.worker.to_string(),
             },
-            bytes: delivery.bytes.len(),
             token,
             room,
         };
@@ -369,8 +368,9 @@ impl Farm {
     }
 }
 
-async fn decode(bytes: Bytes) -> Result<UnitResult, ApiError> {
-    tokio::task::spawn_blocking(move || film::decode_unit(&bytes))
+/// Checks the bytes; they stay packed until they are merged.
+async fn decode(bytes: Bytes) -> Result<PackedUnit<Bytes>, ApiError> {
+    tokio::task::spawn_blocking(move || PackedUnit::read(bytes))
         .await
         .map_err(|_| ApiError::new(INTERNAL, "decoding crashed"))?
         .map_err(|e| ApiError::new(BAD_RESULT, e.to_string()))

@@ -107,7 +107,8 @@ pub(crate) fn pack_i128(values: &[i128], out: &mut Vec<u8>) {
     let room = &mut out[start..];
     let distance = |value: i128| value.wrapping_sub(low) as u128 >> shift;
     match width {
-        ..=8 => put_u128_any(values, distance, width, room),
+        7 => put_u128::<7>(values, distance, room),
+        8 => put_u128::<8>(values, distance, room),
         9 => put_u128::<9>(values, distance, room),
         10 => put_u128::<10>(values, distance, room),
         11 => put_u128::<11>(values, distance, room),
@@ -219,30 +220,17 @@ pub(crate) fn unpack<'a>(
     bounds: (Wide, Wide),
     scratch: &'a mut Scratch,
 ) -> Result<Values<'a>, BlockError> {
-    debug_assert!(count <= BLOCK);
-    let head = take(input, 3).ok_or(BlockError::Short)?;
-    let (width, shift, length) = (head[0] as usize, head[1] as u32, head[2] as usize);
-    if width > WIDE_BYTES || length > WIDE_BYTES || width as u32 * 8 + shift > 184 {
-        return Err(BlockError::Malformed);
-    }
-    let base = unpack_base(take(input, length).ok_or(BlockError::Short)?);
-    if signed_bytes(base) != length || (width == 0 && shift != 0) {
-        return Err(BlockError::Malformed);
-    }
-    if base < bounds.0 || base > bounds.1 {
-        return Err(BlockError::OutOfRange);
-    }
+    let packed = check(input, count, bounds)?;
+    let Packed {
+        base,
+        shift,
+        width,
+        bytes,
+    } = packed.block;
     if width == 0 {
         return Ok(Values::Same(base));
     }
-    let bytes = take(input, count * width).ok_or(BlockError::Short)?;
-    // The bounds lie within 2^153 and distances below 2^184: the sum cannot wrap.
-    let largest = largest_distance(bytes, width).ok_or(BlockError::Malformed)?;
-    let top = base.add(largest.shl(shift));
-    if top > bounds.1 {
-        return Err(BlockError::OutOfRange);
-    }
-    if let (Some(base), Some(_)) = (base.to_i64(), top.to_i64()) {
+    if let (Some(base), Some(_)) = (base.to_i64(), packed.top.to_i64()) {
         let out = &mut scratch.narrow[..count];
         match width {
             1 => get_u64::<1>(bytes, base, shift, out),
@@ -256,9 +244,11 @@ pub(crate) fn unpack<'a>(
         }
         return Ok(Values::Narrow(out));
     }
-    if let (Some(base), Some(_)) = (base.to_i128(), top.to_i128()) {
+    if let (Some(base), Some(_)) = (base.to_i128(), packed.top.to_i128()) {
         let out = &mut scratch.mid[..count];
         match width {
+            7 => get_u128::<7>(bytes, base, shift, out),
+            8 => get_u128::<8>(bytes, base, shift, out),
             9 => get_u128::<9>(bytes, base, shift, out),
             10 => get_u128::<10>(bytes, base, shift, out),
             11 => get_u128::<11>(bytes, base, shift, out),
@@ -276,6 +266,70 @@ pub(crate) fn unpack<'a>(
     Ok(Values::Wide(&scratch.wide))
 }
 
+/// A block as it stands in a file.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Packed<'a> {
+    /// The smallest integer.
+    pub base: Wide,
+    /// By how many bits the distances are shifted.
+    pub shift: u32,
+    /// Bytes of a distance, 0 if all integers are equal.
+    pub width: usize,
+    /// The distances.
+    pub bytes: &'a [u8],
+}
+
+/// A block that is what packing writes.
+pub(crate) struct Checked<'a> {
+    pub block: Packed<'a>,
+    /// The largest integer.
+    pub top: Wide,
+}
+
+/// Takes a block of `count` integers off the front, as far as its head tells what it is. Says
+/// nothing about the integers.
+pub(crate) fn split<'a>(input: &mut &'a [u8], count: usize) -> Result<Packed<'a>, BlockError> {
+    debug_assert!(count <= BLOCK);
+    let head = take(input, 3).ok_or(BlockError::Short)?;
+    let (width, shift, length) = (head[0] as usize, head[1] as u32, head[2] as usize);
+    if width > WIDE_BYTES || length > WIDE_BYTES || width as u32 * 8 + shift > 184 {
+        return Err(BlockError::Malformed);
+    }
+    let base = unpack_base(take(input, length).ok_or(BlockError::Short)?);
+    if signed_bytes(base) != length || (width == 0 && shift != 0) {
+        return Err(BlockError::Malformed);
+    }
+    Ok(Packed {
+        base,
+        shift,
+        width,
+        bytes: take(input, count * width).ok_or(BlockError::Short)?,
+    })
+}
+
+/// The same, with every integer inside the bounds and every field as packing writes it.
+pub(crate) fn check<'a>(
+    input: &mut &'a [u8],
+    count: usize,
+    bounds: (Wide, Wide),
+) -> Result<Checked<'a>, BlockError> {
+    let block = split(input, count)?;
+    let Packed { base, shift, .. } = block;
+    if base < bounds.0 || base > bounds.1 {
+        return Err(BlockError::OutOfRange);
+    }
+    if block.width == 0 {
+        return Ok(Checked { block, top: base });
+    }
+    // The bounds lie within 2^153 and distances below 2^184: the sum cannot wrap.
+    let largest = largest_distance(block.bytes, block.width).ok_or(BlockError::Malformed)?;
+    let top = base.add(largest.shl(shift));
+    if top > bounds.1 {
+        return Err(BlockError::OutOfRange);
+    }
+    Ok(Checked { block, top })
+}
+
 fn unpack_base(bytes: &[u8]) -> Wide {
     let fill = if bytes.last().is_some_and(|&top| top >= 0x80) {
         0xff
@@ -287,7 +341,7 @@ fn unpack_base(bytes: &[u8]) -> Wide {
     Wide::from_bytes(all)
 }
 
-fn load(bytes: &[u8]) -> Wide {
+pub(crate) fn load(bytes: &[u8]) -> Wide {
     let mut all = [0; WIDE_BYTES];
     all[..bytes.len()].copy_from_slice(bytes);
     Wide::from_bytes(all)
@@ -327,7 +381,7 @@ fn load_u64<const W: usize>(chunk: &[u8]) -> u64 {
 }
 
 #[inline(always)]
-fn load_u128<const W: usize>(chunk: &[u8]) -> u128 {
+pub(crate) fn load_u128<const W: usize>(chunk: &[u8]) -> u128 {
     let mut sixteen = [0; 16];
     sixteen[..W].copy_from_slice(&chunk[..W]);
     u128::from_le_bytes(sixteen)

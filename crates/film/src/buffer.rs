@@ -53,6 +53,21 @@ pub struct PixelSums {
 }
 
 impl PixelSums {
+    /// No samples.
+    const ZERO: PixelSums = PixelSums {
+        beauty: [0; 3],
+        square: [Square {
+            whole: 0,
+            fraction: 0,
+        }; 3],
+        half: 0,
+        alpha: 0,
+        albedo: [0; 3],
+        normal: [0; 3],
+        depth: 0,
+        hits: 0,
+    };
+
     /// Adds the sums of other samples.
     #[inline]
     pub(crate) fn add_assign(&mut self, other: &PixelSums) {
@@ -136,9 +151,15 @@ pub struct SampleBuffer {
 impl SampleBuffer {
     /// All sums zero.
     pub fn new(tile: Tile, samples: SampleRange) -> Self {
-        // Not `vec![...; n]`, which copies so large an element n times from memory.
-        let mut pixels = Vec::new();
-        pixels.resize_with(tile.pixels(), PixelSums::default);
+        // Many at a time: one by one each of so large an element is a copy of its own.
+        static ZERO: [PixelSums; 64] = [PixelSums::ZERO; 64];
+        let mut left = tile.pixels();
+        let mut pixels = Vec::with_capacity(left);
+        while left > 0 {
+            let some = left.min(ZERO.len());
+            pixels.extend_from_slice(&ZERO[..some]);
+            left -= some;
+        }
         SampleBuffer {
             tile,
             samples,

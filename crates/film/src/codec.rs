@@ -13,7 +13,7 @@
 //! other bytes for them, so that results can be compared by digest.
 
 use crate::blocks::{BLOCK, HEAD_MAX};
-use crate::buffer::{REJECTED_KEPT, SampleBuffer};
+use crate::buffer::{REJECTED_KEPT, Rejected, SampleBuffer};
 use crate::counters::Counters;
 use crate::pixels::{pack_pixels, unpack_pixels};
 use crate::planes::PLANES;
@@ -142,9 +142,19 @@ pub fn encode_unit(
     out
 }
 
-/// Reads a result back. Every changed, missing or added byte is refused, and so is anything that
-/// [`encode_unit`] would not have written; no more memory is used than a tile's sums need.
-pub fn decode_unit(bytes: &[u8]) -> Result<UnitResult, CodecError> {
+/// Everything before the blocks.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Head {
+    pub unit: Unit,
+    pub engine: EngineVersion,
+    pub tile: Tile,
+    pub counters: Counters,
+    pub rejected: Vec<Rejected>,
+    pub rejected_count: u64,
+}
+
+/// Reads what is before the blocks, and the checksum; with it the blocks, which are not looked at.
+pub(crate) fn read_head(bytes: &[u8]) -> Result<(Head, Reader<'_>), CodecError> {
     let length = |expected: usize| CodecError::Length {
         expected: expected as u64,
         found: bytes.len() as u64,
@@ -194,22 +204,40 @@ pub fn decode_unit(bytes: &[u8]) -> Result<UnitResult, CodecError> {
     if bytes.len() < least + rejected.len() * REJECTED + block_bytes_min(tile) {
         return Err(CodecError::Malformed("length"));
     }
-    let mut buffer = SampleBuffer::new(tile, samples);
-    unpack_pixels(&mut input, samples.len(), buffer.pixels_mut())?;
-    if !input.0.is_empty() {
-        return Err(CodecError::Malformed("end"));
-    }
-    buffer.set_rejected(rejected, rejected_count);
     let unit = Unit {
         frame,
         tile: index,
         samples,
     };
-    Ok(UnitResult {
+    let head = Head {
         unit,
         engine,
         tile,
         counters,
+        rejected,
+        rejected_count,
+    };
+    Ok((head, input))
+}
+
+/// Reads a result back. Every changed, missing or added byte is refused, and so is anything that
+/// [`encode_unit`] would not have written; no more memory is used than a tile's sums need.
+///
+/// What only has to be merged is cheaper as a [`PackedUnit`](crate::PackedUnit).
+pub fn decode_unit(bytes: &[u8]) -> Result<UnitResult, CodecError> {
+    let (head, mut input) = read_head(bytes)?;
+    let samples = head.unit.samples;
+    let mut buffer = SampleBuffer::new(head.tile, samples);
+    unpack_pixels(&mut input, samples.len(), buffer.pixels_mut())?;
+    if !input.0.is_empty() {
+        return Err(CodecError::Malformed("end"));
+    }
+    buffer.set_rejected(head.rejected, head.rejected_count);
+    Ok(UnitResult {
+        unit: head.unit,
+        engine: head.engine,
+        tile: head.tile,
+        counters: head.counters,
         buffer,
     })
 }

@@ -11,7 +11,6 @@
 //! have stopped earlier, and samples are never taken back. Loosening a stop is refused where it is
 //! asked for ([`StopRule::extends`]).
 
-use crate::error::ERROR_KIND;
 use crate::tile::TileFilm;
 use crate::unit::{SampleRange, pass_end};
 use serde::{Deserialize, Serialize};
@@ -108,6 +107,5 @@ pub fn is_border(spp: u32) -> bool {
 
 /// Whether the error of a tile is at most the target. A tile whose error is not known is not.
 fn below(tile: &TileFilm, target: f64) -> bool {
-    tile.errors()
-        .is_some_and(|errors| errors.of(ERROR_KIND) <= target)
+    tile.error().is_some_and(|error| error <= target)
 }

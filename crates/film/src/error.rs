@@ -93,6 +93,22 @@ pub fn second_half_of(range: SampleRange) -> u32 {
 
 /// Both errors of a tile; None before each half has a sample.
 pub fn tile_errors(tile: &TileFilm) -> Option<TileErrors> {
+    errors_of::<true>(tile)
+}
+
+/// The error of a tile that is published and decides, [`ERROR_KIND`]; None before each half has a
+/// sample.
+pub fn tile_error(tile: &TileFilm) -> Option<f64> {
+    // The estimate does not look at the squares, which take most of the time.
+    let errors = match ERROR_KIND {
+        ErrorKind::Estimate => errors_of::<false>(tile),
+        ErrorKind::Bound => errors_of::<true>(tile),
+    };
+    errors.map(|errors| errors.of(ERROR_KIND))
+}
+
+/// Both errors, or the one from the halves and a zero.
+fn errors_of<const SQUARES: bool>(tile: &TileFilm) -> Option<TileErrors> {
     let second: u32 = tile.ranges().into_iter().map(second_half_of).sum();
     let first = tile.samples() - second;
     if first == 0 || second == 0 {
@@ -110,18 +126,23 @@ pub fn tile_errors(tile: &TileFilm) -> Option<TileErrors> {
         let count = BLOCK.min(pixels - start);
         for c in 0..3 {
             tile.plane(BEAUTY + c).values(start, &mut rgb[c][..count]);
-            tile.plane(SQUARE + c)
-                .numbers(start, &mut mean_squares[c][..count]);
+            if SQUARES {
+                tile.plane(SQUARE + c)
+                    .numbers(start, &mut mean_squares[c][..count]);
+            }
         }
         tile.plane(HALF).values(start, &mut second[..count]);
         for i in 0..count {
             let rgb = [rgb[0][i], rgb[1][i], rgb[2][i]];
             let (all, half) = (luminance_fixed(rgb), second[i]);
-            let mean = number(all) * value / n;
-            let weight = 1.0 / (mean * mean + ERROR_EPS);
             let (a, b) = (number(all - half) * value / na, number(half) * value / nb);
             let half_product = (a * b).max(0.0) + ERROR_EPS;
             halves += (a - b) * (a - b) * half_weight / half_product;
+            if !SQUARES {
+                continue;
+            }
+            let mean = number(all) * value / n;
+            let weight = 1.0 / (mean * mean + ERROR_EPS);
             let mut deviation = 0.0;
             for c in 0..3 {
                 let mean = number(rgb[c]) * value / n;
@@ -158,7 +179,10 @@ impl PictureError {
     pub fn by(film: &Film, kind: ErrorKind) -> Option<PictureError> {
         let (mut sum, mut pixels) = (0.0, 0.0);
         for tile in film.tiles() {
-            let error = tile.errors()?.of(kind);
+            let error = match kind {
+                ERROR_KIND => tile.error()?,
+                other => tile.errors()?.of(other),
+            };
             let count = tile.tile().pixels() as f64;
             sum += error * error * count;
             pixels += count;

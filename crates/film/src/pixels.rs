@@ -8,75 +8,101 @@ use crate::planes::{self, PLANES, ReadPlanes};
 use crate::wide::Wide;
 use crate::wire::Reader;
 
+/// Pixels that are taken apart at once: 8 KB, so that they are read from memory once and not once for
+/// each plane.
+const PART: usize = 32;
+
 /// Writes the blocks of a tile.
 pub(crate) fn pack_pixels(pixels: &[PixelSums], out: &mut Vec<u8>) {
-    let mut packer = Packer {
-        pixels,
-        out,
-        narrow: [0; BLOCK],
-        mid: [0; BLOCK],
-    };
+    let mut apart = Box::new(Apart {
+        pixels: &[],
+        start: 0,
+        low: [[0; BLOCK]; PLANES],
+        high: [[0; BLOCK]; PLANES],
+        above_i64: [0; PLANES],
+        above_i128: [0; PLANES],
+    });
     for block in pixels.chunks(BLOCK) {
-        packer.pixels = block;
-        planes::read_planes(&mut packer);
+        (apart.above_i64, apart.above_i128) = ([0; PLANES], [0; PLANES]);
+        for (i, part) in block.chunks(PART).enumerate() {
+            (apart.start, apart.pixels) = (i * PART, part);
+            planes::read_planes(&mut *apart);
+        }
+        for plane in 0..PLANES {
+            apart.pack(plane, block, out);
+        }
     }
 }
 
-struct Packer<'a> {
+/// A block taken apart into planes, of each integer the low and the high 64 bits.
+struct Apart<'a> {
     pixels: &'a [PixelSums],
-    out: &'a mut Vec<u8>,
-    narrow: [i64; BLOCK],
-    mid: [i128; BLOCK],
+    /// Place of the first of them in the block.
+    start: usize,
+    low: [[i64; BLOCK]; PLANES],
+    high: [[i64; BLOCK]; PLANES],
+    /// Not zero if an integer of the plane does not fit.
+    above_i64: [i64; PLANES],
+    above_i128: [u128; PLANES],
 }
 
-impl ReadPlanes for Packer<'_> {
+impl Apart<'_> {
+    fn pack(&self, plane: usize, block: &[PixelSums], out: &mut Vec<u8>) {
+        let low = &self.low[plane][..block.len()];
+        if self.above_i128[plane] != 0 {
+            let square = |p: &PixelSums| Wide::from(p.square[plane - planes::SQUARE]);
+            let wide: Vec<Wide> = block.iter().map(square).collect();
+            return blocks::pack_wide(&wide, out);
+        }
+        if self.above_i64[plane] == 0 {
+            return blocks::pack_i64(low, out);
+        }
+        let mut mid = [0; BLOCK];
+        for (mid, (low, high)) in mid.iter_mut().zip(low.iter().zip(&self.high[plane])) {
+            *mid = (*high as i128) << 64 | *low as u64 as i128;
+        }
+        blocks::pack_i128(&mid[..block.len()], out);
+    }
+
     #[inline(always)]
-    fn value(&mut self, _: usize, get: impl Fn(&PixelSums) -> i128) {
-        let n = self.pixels.len();
-        let mut spill = 0;
-        for (out, pixel) in self.narrow.iter_mut().zip(self.pixels) {
+    fn take(&mut self, plane: usize, halves: impl Fn(&PixelSums) -> (i64, i64)) {
+        let low = &mut self.low[plane][self.start..];
+        let high = &mut self.high[plane][self.start..];
+        let mut above = 0;
+        for ((low, high), pixel) in low.iter_mut().zip(high).zip(self.pixels) {
+            (*low, *high) = halves(pixel);
+            above |= *high ^ (*low >> 63);
+        }
+        self.above_i64[plane] |= above;
+    }
+}
+
+impl ReadPlanes for Apart<'_> {
+    #[inline(always)]
+    fn value(&mut self, plane: usize, get: impl Fn(&PixelSums) -> i128) {
+        self.take(plane, |pixel| {
             let value = get(pixel);
-            *out = value as i64;
-            spill |= (value >> 64) as i64 ^ (value as i64 >> 63);
-        }
-        if spill == 0 {
-            return blocks::pack_i64(&self.narrow[..n], self.out);
-        }
-        for (out, pixel) in self.mid.iter_mut().zip(self.pixels) {
-            *out = get(pixel);
-        }
-        blocks::pack_i128(&self.mid[..n], self.out);
+            (value as i64, (value >> 64) as i64)
+        });
     }
 
     #[inline(always)]
-    fn square(&mut self, _: usize, get: impl Fn(&PixelSums) -> Square) {
-        let n = self.pixels.len();
-        let (mut above_i64, mut above_i128) = (0, 0);
-        for (out, pixel) in self.mid.iter_mut().zip(self.pixels) {
+    fn square(&mut self, plane: usize, get: impl Fn(&PixelSums) -> Square) {
+        self.take(plane, |pixel| {
             let square = get(pixel);
-            *out = (square.whole << 64 | square.fraction as u128) as i128;
-            above_i64 |= square.whole | (square.fraction >> 63) as u128;
-            above_i128 |= square.whole >> 63;
-        }
-        if above_i128 != 0 {
-            let wide: Vec<Wide> = self.pixels.iter().map(|p| Wide::from(get(p))).collect();
-            blocks::pack_wide(&wide, self.out);
-        } else if above_i64 != 0 {
-            blocks::pack_i128(&self.mid[..n], self.out);
-        } else {
-            for (out, &value) in self.narrow.iter_mut().zip(&self.mid) {
-                *out = value as i64;
-            }
-            blocks::pack_i64(&self.narrow[..n], self.out);
+            (square.fraction as i64, square.whole as i64)
+        });
+        for pixel in self.pixels {
+            self.above_i128[plane] |= get(pixel).whole >> 63;
         }
     }
 
     #[inline(always)]
-    fn small(&mut self, _: usize, get: impl Fn(&PixelSums) -> i64) {
-        for (out, pixel) in self.narrow.iter_mut().zip(self.pixels) {
-            *out = get(pixel);
+    fn small(&mut self, plane: usize, get: impl Fn(&PixelSums) -> i64) {
+        let low = &mut self.low[plane][self.start..];
+        for (low, pixel) in low.iter_mut().zip(self.pixels) {
+            *low = get(pixel);
         }
-        blocks::pack_i64(&self.narrow[..self.pixels.len()], self.out);
     }
 }
 

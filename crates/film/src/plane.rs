@@ -1,6 +1,6 @@
 //! One quantity of a tile, as narrow as its sums allow.
 
-use crate::blocks::{self, BLOCK, Values};
+use crate::blocks::{self, BLOCK, Packed, Values};
 use crate::wide::Wide;
 
 /// The integers of a plane. Most fit i64, bounded ones i32, and many tiles are covered evenly;
@@ -68,6 +68,18 @@ impl Plane {
             Data::I64(sums) => each(&mut sums[start..], values, |s, v| *s += v.low()),
             Data::I128(sums) => each(&mut sums[start..], values, |s, v| *s += v.mid()),
             Data::Wide(sums) => each(&mut sums[start..], values, |s, v| *s = s.add(v.into())),
+        }
+    }
+
+    /// Adds a block to `count` pixels from `start` on. [`Plane::prepare`] has been told its bounds.
+    pub fn add_packed(&mut self, start: usize, count: usize, block: &Packed) {
+        let end = start + count;
+        match &mut self.data {
+            Data::Same(_) => {}
+            Data::I32(sums) => block.add_to(&mut sums[start..end]),
+            Data::I64(sums) => block.add_to(&mut sums[start..end]),
+            Data::I128(sums) => block.add_to(&mut sums[start..end]),
+            Data::Wide(sums) => block.add_to(&mut sums[start..end]),
         }
     }
 
@@ -224,13 +236,20 @@ impl Data {
     }
 }
 
-/// An integer as a number. Most fit 64 bits, where the processor does it.
+/// The nearest number to an integer. Most fit 64 bits, where the processor does it; of the others the
+/// 64 highest bits decide, and whether anything is below them.
 #[inline(always)]
 pub(crate) fn number(sum: i128) -> f64 {
-    match i64::try_from(sum) {
-        Ok(sum) => sum as f64,
-        Err(_) => sum as f64,
+    if let Ok(sum) = i64::try_from(sum) {
+        return sum as f64;
     }
+    let magnitude = sum.unsigned_abs();
+    let places = (magnitude >> 64 != 0) as u32 * (64 - magnitude.leading_zeros().min(64));
+    let high = (magnitude >> places) as u64;
+    let rest = (high as u128) << places != magnitude;
+    // The last of 64 bits only breaks ties between numbers of 53, so that it can stand for the rest.
+    let nearest = (high | rest as u64) as f64 * f64::from_bits((1023 + places as u64) << 52);
+    if sum < 0 { -nearest } else { nearest }
 }
 
 #[inline(always)]
@@ -294,5 +313,36 @@ impl Narrow for crate::fixed::Square {
     #[inline(always)]
     fn mid(self) -> i128 {
         (self.whole << 64 | self.fraction as u128) as i128
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn numbers_are_the_nearest(any in any::<i128>(), bits in 0u32..127, off in -3i128..4) {
+            for sum in [any >> bits, (1 << bits) + off, (any >> bits & !0xFFF) + 0x800 + off] {
+                prop_assert_eq!(number(sum).to_bits(), (sum as f64).to_bits(), "{}", sum);
+            }
+        }
+    }
+
+    #[test]
+    fn numbers_at_the_ends() {
+        for sum in [
+            0,
+            1,
+            -1,
+            i128::MAX,
+            i128::MIN,
+            i128::MIN + 1,
+            i64::MIN.into(),
+            1 << 64,
+        ] {
+            assert_eq!(number(sum).to_bits(), (sum as f64).to_bits(), "{sum}");
+        }
     }
 }

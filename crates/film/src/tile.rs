@@ -5,6 +5,7 @@ use crate::buffer::{PixelSums, REJECTED_KEPT, Rejected, SampleBuffer};
 use crate::counters::Counters;
 use crate::error::{self, TileErrors};
 use crate::fixed::Square;
+use crate::packed::PackedUnit;
 use crate::plane::Plane;
 use crate::planes::{self, PLANES, ReadPlanes};
 use crate::unit::{SampleRange, Tile, pass_end};
@@ -38,7 +39,7 @@ pub struct TileFilm {
     rejected_count: u64,
     version: u64,
     digest: OnceLock<[u8; 32]>,
-    errors: OnceLock<Option<TileErrors>>,
+    error: OnceLock<Option<f64>>,
 }
 
 impl TileFilm {
@@ -54,7 +55,7 @@ impl TileFilm {
             rejected_count: 0,
             version: 0,
             digest: OnceLock::new(),
-            errors: OnceLock::new(),
+            error: OnceLock::new(),
         }
     }
 
@@ -179,9 +180,15 @@ impl TileFilm {
         };
     }
 
-    /// Error of the tile, as far as its samples show it (see `error`).
+    /// Error of the tile that is published and decides, as far as its samples show it (see `error`).
+    /// Worked out once for each state of the tile.
+    pub fn error(&self) -> Option<f64> {
+        *self.error.get_or_init(|| error::tile_error(self))
+    }
+
+    /// Error of the tile by both estimators.
     pub fn errors(&self) -> Option<TileErrors> {
-        *self.errors.get_or_init(|| error::tile_errors(self))
+        error::tile_errors(self)
     }
 
     /// Memory in bytes, without the struct itself.
@@ -219,15 +226,7 @@ impl TileFilm {
         buffer: &SampleBuffer,
         counters: &Counters,
     ) -> Result<(), usize> {
-        let spans = spans(buffer)?;
-        if self.planes.is_empty() {
-            self.planes = vec![Plane::ZERO; PLANES];
-        }
-        let pixels = self.tile.pixels();
-        let done = std::array::from_fn(|plane| {
-            let (low, high) = spans[plane];
-            self.planes[plane].prepare(pixels, low, high)
-        });
+        let done = self.prepare(&spans(buffer)?);
         let mut adder = Adder {
             planes: &mut self.planes,
             done,
@@ -239,27 +238,61 @@ impl TileFilm {
             adder.pixels = block;
             planes::read_planes(&mut adder);
         }
-        self.samples += unit.samples.len();
-        self.ledger.insert(at, unit);
-        self.counters += *counters;
-        self.note_rejected(buffer);
-        self.changed();
+        let rejected = (buffer.rejected_count(), buffer.rejected());
+        self.note(at, unit, *counters, rejected);
         Ok(())
     }
 
-    /// Keeps the places with the lowest indices, which do not depend on the order of arrival.
-    fn note_rejected(&mut self, buffer: &SampleBuffer) {
-        self.rejected_count += buffer.rejected_count();
-        self.rejected.extend_from_slice(buffer.rejected());
+    /// The same for a unit that is still packed. Its sums have been checked.
+    pub(crate) fn add_packed<B: AsRef<[u8]>>(
+        &mut self,
+        at: usize,
+        unit: MergedUnit,
+        packed: &PackedUnit<B>,
+    ) {
+        let done = self.prepare(packed.spans());
+        packed.add_to(&mut self.planes, &done);
+        let head = packed.head();
+        let rejected = (head.rejected_count, &head.rejected[..]);
+        self.note(at, unit, head.counters, rejected);
+    }
+
+    /// Makes room for sums; which planes need no more than that.
+    fn prepare(&mut self, spans: &[(Wide, Wide); PLANES]) -> [bool; PLANES] {
+        if self.planes.is_empty() {
+            self.planes = vec![Plane::ZERO; PLANES];
+        }
+        let pixels = self.tile.pixels();
+        std::array::from_fn(|plane| {
+            let (low, high) = spans[plane];
+            self.planes[plane].prepare(pixels, low, high)
+        })
+    }
+
+    /// Notes what was added.
+    fn note(
+        &mut self,
+        at: usize,
+        unit: MergedUnit,
+        counters: Counters,
+        (count, places): (u64, &[Rejected]),
+    ) {
+        self.samples += unit.samples.len();
+        self.ledger.insert(at, unit);
+        self.counters += counters;
+        self.rejected_count += count;
+        self.rejected.extend_from_slice(places);
+        // Those with the lowest indices, which do not depend on the order of arrival.
         self.rejected
             .sort_by_key(|place| (place.index, place.y, place.x));
         self.rejected.truncate(REJECTED_KEPT);
+        self.changed();
     }
 
     fn changed(&mut self) {
         self.version += 1;
         self.digest = OnceLock::new();
-        self.errors = OnceLock::new();
+        self.error = OnceLock::new();
     }
 
     /// Writes the sums, the same bytes for the same sums.

@@ -154,10 +154,29 @@ impl<'a> Reader<'a> {
         bounds: (Wide, Wide),
         scratch: &'s mut Scratch,
     ) -> Result<Values<'s>, CodecError> {
-        blocks::unpack(&mut self.0, count, bounds, scratch).map_err(|error| match error {
-            BlockError::Short => CodecError::Malformed("length"),
-            BlockError::Malformed => CodecError::Malformed("plane"),
-            BlockError::OutOfRange => CodecError::OutOfRange { plane, samples },
-        })
+        blocks::unpack(&mut self.0, count, bounds, scratch)
+            .map_err(|error| block_error(error, plane, samples))
+    }
+
+    /// A block of one plane over so many samples, checked and left as it is; its smallest and its
+    /// largest integer.
+    pub fn block_span(
+        &mut self,
+        plane: usize,
+        samples: u32,
+        count: usize,
+        bounds: (Wide, Wide),
+    ) -> Result<(Wide, Wide), CodecError> {
+        blocks::check(&mut self.0, count, bounds)
+            .map(|checked| (checked.block.base, checked.top))
+            .map_err(|error| block_error(error, plane, samples))
+    }
+}
+
+fn block_error(error: BlockError, plane: usize, samples: u32) -> CodecError {
+    match error {
+        BlockError::Short => CodecError::Malformed("length"),
+        BlockError::Malformed => CodecError::Malformed("plane"),
+        BlockError::OutOfRange => CodecError::OutOfRange { plane, samples },
     }
 }

@@ -4,14 +4,33 @@ mod support;
 
 use film::codec::{encoded_len_max, unit_bytes_max};
 use film::{
-    CodecError, Counters, ENGINE_VERSION, LayerSample, SampleBuffer, SampleRange, Square, TileGrid,
-    Unit, UnitResult, decode_unit, encode_unit,
+    CodecError, Counters, ENGINE_VERSION, LayerSample, PackedUnit, SampleBuffer, SampleRange,
+    Square, TileGrid, Unit, UnitResult, decode_unit, encode_unit,
 };
 use proptest::prelude::*;
 use support::{hash, tile_of, unit, whole_tile};
 
 fn encode(result: &UnitResult) -> Vec<u8> {
     encode_unit(result.unit, &result.buffer, &result.counters, result.engine)
+}
+
+/// What both readers make of bytes, in which they must agree.
+fn decode(bytes: &[u8]) -> Result<UnitResult, CodecError> {
+    let result = decode_unit(bytes);
+    match (&result, PackedUnit::read(bytes)) {
+        (Ok(result), Ok(packed)) => assert_eq!(
+            (result.unit, result.engine, result.tile, &result.counters),
+            (
+                packed.unit(),
+                packed.engine(),
+                packed.tile(),
+                packed.counters()
+            )
+        ),
+        (Err(error), Err(other)) => assert_eq!(*error, other),
+        (result, packed) => panic!("{result:?} and {packed:?}"),
+    }
+    result
 }
 
 fn tiny() -> UnitResult {
@@ -53,7 +72,7 @@ fn tiny() -> UnitResult {
 fn results_round_trip_at_every_size() {
     for (begin, end) in [(0, 1), (8, 16), (1024, 1100)] {
         let result = whole_tile(begin, end);
-        assert_eq!(decode_unit(&encode(&result)), Ok(result));
+        assert_eq!(decode(&encode(&result)), Ok(result));
     }
     let grid = TileGrid {
         width: 65,
@@ -68,9 +87,9 @@ fn results_round_trip_at_every_size() {
                 samples: SampleRange { begin: 1, end: 2 },
             },
         );
-        assert_eq!(decode_unit(&encode(&result)), Ok(result));
+        assert_eq!(decode(&encode(&result)), Ok(result));
     }
-    assert_eq!(decode_unit(&encode(&tiny())), Ok(tiny()));
+    assert_eq!(decode(&encode(&tiny())), Ok(tiny()));
 }
 
 #[test]
@@ -80,16 +99,13 @@ fn every_changed_missing_or_added_byte_is_refused() {
         for flip in [1, 0x10, 0x80, 0xff] {
             let mut bad = bytes.clone();
             bad[at] ^= flip;
-            assert!(decode_unit(&bad).is_err(), "byte {at} ^ {flip}");
+            assert!(decode(&bad).is_err(), "byte {at} ^ {flip}");
         }
-        assert!(decode_unit(&bytes[..at]).is_err(), "cut at {at}");
+        assert!(decode(&bytes[..at]).is_err(), "cut at {at}");
     }
     let longer = [&bytes[..], &[0]].concat();
-    assert!(matches!(
-        decode_unit(&longer),
-        Err(CodecError::Length { .. })
-    ));
-    assert_eq!(decode_unit(b"PNG"), Err(CodecError::NotAUnit));
+    assert!(matches!(decode(&longer), Err(CodecError::Length { .. })));
+    assert_eq!(decode(b"PNG"), Err(CodecError::NotAUnit));
 }
 
 /// A forger can compute checksums: fields must be checked on their own.
@@ -97,7 +113,7 @@ fn forged(at: usize, with: &[u8]) -> Result<UnitResult, CodecError> {
     let mut bytes = encode(&tiny());
     bytes[at..at + with.len()].copy_from_slice(with);
     reseal(&mut bytes);
-    decode_unit(&bytes)
+    decode(&bytes)
 }
 
 fn reseal(bytes: &mut [u8]) {
@@ -142,31 +158,31 @@ fn sums_that_samples_cannot_have_are_refused() {
     let mut result = tiny();
     result.buffer.pixels_mut()[4].beauty[1] = (2 << 72) + 1;
     assert_eq!(
-        decode_unit(&encode(&result)),
+        decode(&encode(&result)),
         Err(CodecError::OutOfRange {
             plane: 1,
             samples: 2
         })
     );
     result.buffer.pixels_mut()[4].beauty[1] = 2 << 72;
-    assert_eq!(decode_unit(&encode(&result)), Ok(result.clone()));
+    assert_eq!(decode(&encode(&result)), Ok(result.clone()));
     result.buffer.pixels_mut()[4].square[2] = Square {
         whole: 2 << 64,
         fraction: 1,
     };
-    assert!(decode_unit(&encode(&result)).is_err());
+    assert!(decode(&encode(&result)).is_err());
     result.buffer.pixels_mut()[4].square[2] = Square {
         whole: u128::MAX,
         fraction: 1,
     };
-    assert!(decode_unit(&encode(&result)).is_err());
+    assert!(decode(&encode(&result)).is_err());
     result.buffer.pixels_mut()[4].square[2] = Square {
         whole: 2 << 64,
         fraction: 0,
     };
-    assert_eq!(decode_unit(&encode(&result)), Ok(result.clone()));
+    assert_eq!(decode(&encode(&result)), Ok(result.clone()));
     result.buffer.pixels_mut()[4].hits = 3;
-    assert!(decode_unit(&encode(&result)).is_err());
+    assert!(decode(&encode(&result)).is_err());
 }
 
 #[test]
@@ -211,22 +227,22 @@ proptest! {
             pixel.hits = (at(14) % 3) as u32;
         }
         let bytes = encode(&result);
-        prop_assert_eq!(decode_unit(&bytes), Ok(result));
+        prop_assert_eq!(decode(&bytes), Ok(result));
     }
 
     #[test]
     fn junk_is_refused_without_panic(mut junk in proptest::collection::vec(any::<u8>(), 0..400),
                                      at in 0usize..300, byte in any::<u8>()) {
-        prop_assert!(decode_unit(&junk).is_err());
+        prop_assert!(decode(&junk).is_err());
         // With the right head and checksum whatever is read back must write the same bytes.
         let mut bytes = encode(&tiny());
         let end = bytes.len() - 4;
         bytes[at.min(end - 1)] = byte;
         reseal(&mut bytes);
-        if let Ok(result) = decode_unit(&bytes) {
+        if let Ok(result) = decode(&bytes) {
             prop_assert_eq!(encode(&result), bytes);
         }
         junk.splice(0..0, *b"BRLU");
-        prop_assert!(decode_unit(&junk).is_err());
+        prop_assert!(decode(&junk).is_err());
     }
 }

@@ -4,8 +4,8 @@ mod support;
 
 use film::layer::{Layer, channel};
 use film::{
-    Counters, ENGINE_VERSION, EngineVersion, Film, MergeError, Merged, Receipt, SampleBuffer,
-    SampleRange, Square, TileGrid, Unit, UnitResult, encode_unit,
+    Counters, ENGINE_VERSION, EngineVersion, Film, MergeError, Merged, PackedUnit, Receipt,
+    SampleBuffer, SampleRange, Square, TileGrid, Unit, UnitResult, encode_unit,
 };
 use proptest::prelude::*;
 use support::{hash, unit};
@@ -35,8 +35,29 @@ fn receipt(result: &UnitResult, worker: &str) -> Receipt {
     Receipt::of(&bytes, worker)
 }
 
+/// Merges a result, and into a copy its bytes, which must come to the same.
 fn merge(film: &mut Film, result: &UnitResult) -> Result<Merged, MergeError> {
-    film.merge(result, receipt(result, "ada"))
+    let bytes = encode_unit(result.unit, &result.buffer, &result.counters, result.engine);
+    let receipt = receipt(result, "ada");
+    let packed = PackedUnit::read(bytes).map(|packed| {
+        let mut copy = film.clone();
+        (copy.merge_packed(&packed, receipt.clone()), copy)
+    });
+    let merged = film.merge(result, receipt);
+    if let Ok((packed, copy)) = packed {
+        assert_eq!(packed, merged);
+        assert_eq!(copy.digest(), film.digest());
+        assert_eq!(copy.counters(), film.counters());
+        // Copies have no room to spare in their ledgers.
+        let sizes = [&copy, &*film].map(|film| film.clone().bytes());
+        assert_eq!(sizes[0], sizes[1], "planes of other widths");
+        for (copy, tile) in copy.tiles().iter().zip(film.tiles()) {
+            assert_eq!(copy.merged_units(), tile.merged_units());
+            assert_eq!(copy.rejected(), tile.rejected());
+            assert_eq!(copy.rejected_count(), tile.rejected_count());
+        }
+    }
+    merged
 }
 
 #[test]
@@ -228,11 +249,11 @@ fn the_bounds_hold_for_all_samples() {
             pixel.albedo = [(sign * n as i64) << 30; 3];
             pixel.hits = n;
         }
-        let receipt = Receipt {
-            digest: [0; 32],
-            worker: "w".into(),
-        };
-        film.merge(&one, receipt).unwrap();
+        if at < 1 << 20 || samples.end == film::unit::SPP_MAX {
+            merge(&mut film, &one).unwrap();
+        } else {
+            film.merge(&one, receipt(&one, "w")).unwrap();
+        }
         at = samples.end;
     }
     let tile = &film.tiles()[0];
@@ -267,6 +288,28 @@ fn any_cut() -> impl Strategy<Value = Vec<(u32, u32)>> {
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Sums of every width and sign, on top of each other.
+    #[test]
+    fn packed_sums_add_up_to_the_same(seeds in proptest::collection::vec((any::<u64>(), 0u32..73), 1..7)) {
+        let mut film = Film::new(GRID, 4);
+        for (at, (seed, bits)) in seeds.into_iter().enumerate() {
+            let begin = 512 * (at as u32 + 1);
+            let mut one = UnitResult { buffer: SampleBuffer::new(GRID.tile(1), range(begin, begin + 1)), ..result(1, begin, begin + 1) };
+            for (i, pixel) in one.buffer.pixels_mut().iter_mut().enumerate() {
+                let at = |k: u64| hash(seed ^ (i as u64) << 8 ^ k);
+                let value = |k| ((at(k) as i128) << 64 | at(k + 50) as i128) >> (127 - bits);
+                pixel.beauty = [value(0), value(1), value(2) >> 30];
+                pixel.half = value(3) >> 17;
+                pixel.depth = value(4);
+                let square = |k| Square { whole: (at(k) as u128) >> (at(k) % 64), fraction: at(k + 1) };
+                pixel.square = [square(5), square(7), square(9)];
+                pixel.normal = [11, 12, 13].map(|k| at(k) as i64 >> 34);
+                pixel.hits = (at(14) % 2) as u32;
+            }
+            prop_assert_eq!(merge(&mut film, &one), Ok(Merged::Added));
+        }
+    }
 
     #[test]
     fn any_order_and_cut_give_the_same_film(cut in any_cut(), duplicate in 0usize..7) {

@@ -1,6 +1,8 @@
 //! Results of workers and checkpoints.
 
-use film::{Film, Manifest, Merged, Receipt, TileGrid, decode_tile, decode_unit, encode_unit};
+use film::{
+    Film, Manifest, Merged, PackedUnit, Receipt, TileGrid, decode_tile, decode_unit, encode_unit,
+};
 
 /// Whoever forges a file computes its checksum: without this no change would come past it.
 fn resealed(bytes: &[u8]) -> Option<Vec<u8>> {
@@ -27,9 +29,12 @@ pub fn unit(bytes: &[u8]) {
 }
 
 fn read_unit(bytes: &[u8]) {
+    let packed = PackedUnit::read(bytes);
     let Ok(result) = decode_unit(bytes) else {
+        assert!(packed.is_err(), "refused by one reader alone");
         return;
     };
+    let packed = packed.expect("refused by one reader alone");
     let again = encode_unit(result.unit, &result.buffer, &result.counters, result.engine);
     assert_eq!(again, bytes, "other bytes for the same sums");
     // Where the unit belongs to this film, its sums are added once or refused.
@@ -39,7 +44,10 @@ fn read_unit(bytes: &[u8]) {
     };
     let mut film = Film::for_engine(grid, result.unit.frame, result.engine);
     let receipt = Receipt::of(bytes, "worker");
+    let mut other = film.clone();
+    let by_bytes = other.merge_packed(&packed, receipt.clone());
     let first = film.merge(&result, receipt.clone());
+    assert_eq!((&by_bytes, other.digest()), (&first, film.digest()));
     let second = film.merge(&result, receipt);
     match first {
         Ok(merged) => assert_eq!(

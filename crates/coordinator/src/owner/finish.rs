@@ -105,10 +105,9 @@ impl Work {
             let met = job.record.stop.noise.map(|target| {
                 farm.films.get(self.job, frame).is_some_and(|film| {
                     let film = film.read().unwrap_or_else(PoisonError::into_inner);
-                    film.tiles().iter().all(|t| {
-                        t.errors()
-                            .is_some_and(|e| e.of(film::error::ERROR_KIND) <= target)
-                    })
+                    film.tiles()
+                        .iter()
+                        .all(|t| t.error().is_some_and(|error| error <= target))
                 })
             });
             job.plans.remove(&frame);

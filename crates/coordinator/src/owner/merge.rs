@@ -4,7 +4,8 @@ use super::stats::{point, stats_of};
 use super::{Arrived, Work};
 use crate::farm::Farm;
 use crate::films::SharedFilm;
-use film::{Film, MergeError, Merged, Unit, UnitResult};
+use bytes::Bytes;
+use film::{Film, MergeError, Merged, PackedUnit, Unit};
 use std::sync::{Arc, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -26,14 +27,14 @@ impl Work {
     }
 
     pub(super) fn merge(&mut self, farm: &Arc<Farm>, arrived: Arrived) {
-        let unit = arrived.result.unit;
+        let unit = arrived.result.unit();
         let Some(film) = self.film(farm, unit.frame) else {
             return;
         };
         let merged = film
             .write()
             .unwrap_or_else(PoisonError::into_inner)
-            .merge(&arrived.result, arrived.receipt);
+            .merge_packed(&arrived.result, arrived.receipt);
         drop(arrived.room);
         if self.note(farm, unit, &film, &arrived.result, arrived.token, merged) {
             self.review(farm);
@@ -46,7 +47,7 @@ impl Work {
         farm: &Farm,
         unit: Unit,
         film: &SharedFilm,
-        result: &UnitResult,
+        result: &PackedUnit<Bytes>,
         token: u64,
         merged: Result<Merged, MergeError>,
     ) -> bool {
@@ -66,7 +67,7 @@ impl Work {
         };
         // Outside of the lock: it looks at every pixel of the tile.
         let error = if decides && tile.samples() == spp {
-            tile.errors().map(|e| e.of(film::error::ERROR_KIND))
+            tile.error()
         } else {
             None
         };
@@ -88,10 +89,10 @@ impl Work {
                 job.record.first_image_at.get_or_insert(now);
                 job.changed.entry(unit.frame).or_default().insert(unit.tile);
                 let stats = &mut job.record.begun.entry(unit.frame).or_default().stats;
-                let counters = &result.counters;
+                let counters = result.counters();
                 stats.samples += u64::from(unit.samples.len()) * tile.tile().pixels() as u64;
                 stats.rays += counters.rays + counters.shadow_rays;
-                stats.rejected += result.buffer.rejected_count();
+                stats.rejected += result.rejected_count();
                 stats.units += 1;
                 if let Some(error) = picture {
                     stats.error = error;

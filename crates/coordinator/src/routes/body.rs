@@ -54,12 +54,15 @@ pub fn plain(headers: &HeaderMap) -> Result<(), ApiError> {
     }
 }
 
+/// How long the body is, as the head says.
+pub fn content_length(headers: &HeaderMap) -> Option<u64> {
+    let value = headers.get(header::CONTENT_LENGTH)?;
+    value.to_str().ok()?.parse().ok()
+}
+
 /// Refuses by what the head says, before a byte of the body is asked for.
 pub fn fits(headers: &HeaderMap, name: &str, limit: u64) -> Result<(), ApiError> {
-    let length = headers
-        .get(header::CONTENT_LENGTH)
-        .and_then(|v| v.to_str().ok()?.parse::<u64>().ok());
-    match length.filter(|length| *length > limit) {
+    match content_length(headers).filter(|length| *length > limit) {
         Some(length) => Err(ApiError::limit(TOO_LARGE, name, limit, Some(length))),
         None => Ok(()),
     }

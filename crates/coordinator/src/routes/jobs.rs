@@ -234,7 +234,7 @@ pub async fn tiles(
             let film = film.read().unwrap_or_else(PoisonError::into_inner);
             for (status, tile) in tiles.iter_mut().zip(film.tiles()) {
                 status.spp = tile.spp();
-                status.error = tile.errors().map(|e| e.of(film::error::ERROR_KIND));
+                status.error = tile.error();
                 status.worker = tile.merged_units().last().map(|u| u.worker.to_string());
             }
         }

@@ -1,6 +1,6 @@
 //! What workers call.
 
-use super::body::{Json, fits, header_text, plain};
+use super::body::{Json, content_length, fits, header_text, plain};
 use crate::auth::Caller;
 use crate::error::{ApiError, BAD_REQUEST, BAD_RESULT, INTERNAL, TOO_LARGE};
 use crate::farm::Farm;
@@ -18,6 +18,9 @@ use protocol::{
 };
 use std::sync::Arc;
 use uuid::Uuid;
+
+/// How many times as much as has come of a body there may be room for.
+const CLAIM_MAX: usize = 16;
 
 /// A worker announces itself.
 #[utoipa::path(post, path = "/v1/worker/register", tag = "worker", request_body = RegisterRequest,
@@ -80,6 +83,7 @@ pub async fn result(
         .unwrap_or(0.0);
     let limit = film::codec::unit_bytes_max();
     fits(headers, "result_bytes", limit as u64)?;
+    let claimed_len = content_length(headers).unwrap_or(0).min(limit as u64) as usize;
     // Hashed while it comes: one pass, and done when the last byte is there.
     let mut hasher = blake3::Hasher::new();
     let mut bytes = BytesMut::new();
@@ -96,6 +100,12 @@ pub async fn result(
             ));
         }
         hasher.update(&piece);
+        let there = bytes.len() + piece.len();
+        if bytes.capacity() < there {
+            // At once what the head claims, but not for a client that has sent next to nothing.
+            let room = claimed_len.min(there * CLAIM_MAX).max(there);
+            bytes.reserve(room - bytes.len());
+        }
         bytes.extend_from_slice(&piece);
     }
     let delivery = Delivery {
