@@ -159,6 +159,29 @@ impl Job {
                 }))
     }
 
+    /// The unit that is due, as far as frames are open.
+    pub fn next_unit(&self) -> Option<Unit> {
+        self.plans.values().find_map(FramePlan::next_unit)
+    }
+
+    /// Camera samples that could be leased without waiting for results; stops counting at `enough`.
+    pub fn left(&self, enough: u64) -> u64 {
+        if self.may_open() {
+            return enough; // a whole frame
+        }
+        let grid = self.record.grid();
+        let mut left = 0;
+        for plan in self.plans.values() {
+            for (tile, samples) in plan.left() {
+                left += u64::from(samples) * grid.tile(tile).pixels() as u64;
+                if left >= enough {
+                    return enough;
+                }
+            }
+        }
+        left
+    }
+
     /// First sample of the unit that would be leased next.
     pub fn next_begin(&self) -> Option<u32> {
         self.plans.values().find_map(FramePlan::next_begin)

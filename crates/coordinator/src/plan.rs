@@ -142,6 +142,20 @@ impl FramePlan {
         self.ready.first().map(|(begin, _)| *begin)
     }
 
+    /// The unit that is next.
+    pub fn next_unit(&self) -> Option<Unit> {
+        self.offer(self.ready.first()?.1)
+    }
+
+    /// Tiles that offer something, with the samples of a pixel up to their limit, those that are leased
+    /// beyond the offer among them.
+    pub fn left(&self) -> impl Iterator<Item = (u32, u32)> + '_ {
+        self.ready.iter().filter_map(|(begin, tile)| {
+            let limit = self.tiles.get(*tile as usize)?.limit;
+            Some((*tile, limit.saturating_sub(*begin)))
+        })
+    }
+
     /// Whether a tile is complete, offers or has leased units.
     pub fn tile_state(&self, tile: u32) -> &'static str {
         match self.tiles.get(tile as usize) {

@@ -6,6 +6,7 @@ use crate::job::{BLOCK_FAILURES, Job, POISON_WORKERS};
 use crate::worker::Worker;
 use crate::{control, job};
 use film::convergence::BORDER_MIN;
+use film::{TileGrid, Unit};
 use protocol::{JobState, Lease, LeaseFailure, LeaseRef, SyncRequest, SyncResponse, TimestampMs};
 use std::cmp::Reverse;
 use std::sync::Arc;
@@ -124,7 +125,8 @@ impl Farm {
     fn answer(&self, request: &SyncRequest) -> Result<Said, ApiError> {
         let now = self.clock.now();
         let limits = &self.config.limits;
-        let expires_at = now + self.config.lease_ttl.as_millis() as u64;
+        let ttl = self.config.lease_ttl.as_millis() as u64;
+        let expires_at = now + ttl;
         let mut state = self.state();
         let state = &mut *state;
         let worker = state
@@ -132,6 +134,15 @@ impl Farm {
             .get_mut(&request.worker)
             .ok_or_else(|| no_worker(request.worker))?;
         worker.last_seen = now;
+        let takes_leases = worker.takes_leases() && !request.draining;
+        let (samples_max, mut next) = match request.want_samples {
+            wanted if takes_leases && wanted > 0 => share(state, request.worker, wanted, now, ttl),
+            _ => (0, u64::MAX),
+        };
+        let worker = state
+            .workers
+            .get_mut(&request.worker)
+            .ok_or_else(|| no_worker(request.worker))?;
         let mut response = SyncResponse {
             leases: Vec::new(),
             specs: Vec::new(),
@@ -150,10 +161,14 @@ impl Farm {
             }
         }
         let mut started = Vec::new();
-        if worker.takes_leases() && !request.draining {
-            let room = limits.leases_per_worker.saturating_sub(worker.held.len()) as u32;
-            let want = request.want.min(limits.leases_per_sync).min(room);
-            for _ in 0..want {
+        if takes_leases {
+            let room = limits.leases_per_worker.saturating_sub(worker.held.len());
+            let most = room.min(limits.leases_per_sync as usize);
+            let want = request.want as usize;
+            let mut samples = 0u64;
+            while response.leases.len() < most
+                && (response.leases.len() < want || samples.saturating_add(next) <= samples_max)
+            {
                 let Some((at, first)) = lease_next(
                     &mut state.jobs,
                     &mut state.leases_given,
@@ -170,6 +185,9 @@ impl Farm {
                 let Some(job) = state.jobs.get(&at.job) else {
                     continue;
                 };
+                // Units grow slowly: the next one is most often as long.
+                next = samples_of(&job.record.grid(), &at.unit);
+                samples += next;
                 if worker.knows.insert(at.job)
                     && let Some(spec) = &job.record.spec
                 {
@@ -211,6 +229,53 @@ fn worker_told(state: &mut State, worker: Uuid, drain: bool) -> bool {
         .workers
         .get_mut(&worker)
         .is_some_and(|worker| std::mem::replace(&mut worker.told_drain, drain) != drain)
+}
+
+/// Camera samples of a unit.
+fn samples_of(grid: &TileGrid, unit: &Unit) -> u64 {
+    grid.tile(unit.tile).pixels() as u64 * u64::from(unit.samples.len())
+}
+
+/// How many of the `wanted` samples a worker may have. As long as there is much to lease, all of them;
+/// towards the end half of its threads' share of what is left, so that all workers end together
+/// instead of one holding the last units that the others could begin. With it the samples of the
+/// shortest unit that is offered.
+fn share(
+    state: &State,
+    worker: Uuid,
+    wanted: u64,
+    now: TimestampMs,
+    ttl: TimestampMs,
+) -> (u64, u64) {
+    let (mut own, mut all) = (0, 0);
+    for other in state.workers.values() {
+        let threads = u64::from(other.about.threads.max(1));
+        let here = other.takes_leases() && !other.is_lost(now, ttl);
+        if other.id == worker {
+            own = threads;
+            all += threads;
+        } else if here {
+            all += threads;
+        }
+    }
+    let enough = (wanted.saturating_mul(2).saturating_mul(all) / own.max(1)).max(1);
+    let (mut left, mut next) = (0, u64::MAX);
+    for job in state.jobs.values() {
+        if left < enough && job.offers() && job.admits(worker) {
+            left += job.left(enough - left);
+            if let Some(unit) = job.next_unit() {
+                next = next.min(samples_of(&job.record.grid(), &unit));
+            }
+        }
+    }
+    if next == u64::MAX {
+        next = 1; // a frame that is opened by its first lease
+    }
+    if own == all {
+        return (wanted, next);
+    }
+    let part = u128::from(left) * u128::from(own) / u128::from(2 * all);
+    (wanted.min(part as u64), next)
 }
 
 /// The lease that is due. With it whether it is the first of its job.

@@ -79,8 +79,13 @@ pub struct SyncRequest {
     /// Attempts that failed.
     #[serde(default)]
     pub failed: Vec<LeaseFailure>,
-    /// How many more leases are wanted now.
+    /// How many more leases are wanted now, however long their units are.
     pub want: u32,
+    /// Camera samples that are wanted now: after `want` leases more are given as long as the units of
+    /// all of them together have about so many samples at most. Where little is left to lease for several
+    /// workers, each gets less.
+    #[serde(default)]
+    pub want_samples: u64,
     /// Hold the call open up to this long if there is nothing to say, milliseconds.
     pub wait_ms: u64,
     /// The worker is leaving: no more leases.

@@ -5,11 +5,13 @@ mod calls;
 mod events;
 mod leases;
 mod leaving;
+#[cfg(test)]
+mod tests;
 
 use crate::assets::AssetCache;
 use crate::held::HeldLeases;
 use crate::outbox::{Outbox, OutboxEvent};
-use crate::pace::Pace;
+use crate::pace::{Pace, Wish};
 use crate::pool::{Pool, PoolEvent};
 use crate::scene_cache::{Prepared, SceneCache, SceneKey};
 use crate::{WorkerConfig, WorkerError};
@@ -59,17 +61,17 @@ enum Call {
     Synced {
         number: u64,
         worker: Uuid,
-        want: u32,
+        want: Wish,
         reports: Reports,
         result: Result<SyncResponse, ClientError>,
     },
 }
 
-/// Until when not to ask for `want` leases again.
+/// Until when not to say the same again.
 #[derive(Clone, Copy)]
 struct Quiet {
     until: Instant,
-    want: u32,
+    want: Wish,
 }
 
 /// A unit whose scene is being prepared.
@@ -94,7 +96,7 @@ pub(crate) struct LeaseLoop {
     registering: bool,
     calls: JoinSet<Call>,
     /// Open sync calls, by number, with what they ask for.
-    open: HashMap<u64, u32>,
+    open: HashMap<u64, Wish>,
     next_number: u64,
     failures: u32,
     not_before: Instant,
@@ -105,7 +107,6 @@ pub(crate) struct LeaseLoop {
     specs: HashMap<Uuid, Arc<JobSpec>>,
     reports: Reports,
     pace: Pace,
-    unit_samples: u64,
     /// The coordinator wants no more work done here.
     drained: bool,
     /// When units in work are given up; set once we are told to leave.
@@ -155,7 +156,6 @@ impl LeaseLoop {
             specs: HashMap::new(),
             reports: Reports::default(),
             pace: Pace::default(),
-            unit_samples: 1,
             drained: false,
             leaving: None,
         })

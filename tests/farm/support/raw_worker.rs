@@ -44,6 +44,7 @@ impl RawWorker {
             given_back: Vec::new(),
             failed: Vec::new(),
             want,
+            want_samples: 0,
             wait_ms: 200,
             draining: false,
             prepared: Vec::new(),

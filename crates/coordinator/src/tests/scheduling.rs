@@ -180,3 +180,63 @@ async fn heartbeats_keep_a_lease() {
         "lost"
     );
 }
+
+fn samples_of(leases: &[protocol::Lease]) -> u64 {
+    let pixels = |l: &protocol::Lease| GRID.tile(l.at.unit.tile).pixels() as u64;
+    let samples = |l| pixels(l) * u64::from(l.at.unit.samples.len());
+    leases.iter().map(samples).sum()
+}
+
+async fn ask_samples(
+    rig: &Rig,
+    worker: uuid::Uuid,
+    want: u32,
+    samples: u64,
+) -> Vec<protocol::Lease> {
+    let mut request = asking(worker, want);
+    request.want_samples = samples;
+    rig.sync(request).await.leases
+}
+
+/// Units grow from pass to pass: who asks by samples gets many of the first and few of the last.
+#[tokio::test]
+async fn units_are_given_by_samples() {
+    let rig = Rig::memory().await;
+    rig.submit(spp(256)).await;
+    let worker = rig.worker("a");
+    let first = ask_samples(&rig, worker, 0, 30_000).await;
+    assert!(first.len() > 8, "{}", first.len());
+    assert!(samples_of(&first) <= 30_000);
+    let rest = ask_samples(&rig, worker, 0, u64::MAX).await;
+    assert_eq!(first.len() + rest.len(), 4 * 9, "alone it may have all");
+    assert!(ask_samples(&rig, worker, 3, u64::MAX).await.is_empty());
+}
+
+#[tokio::test]
+async fn a_unit_that_is_wanted_is_given_however_long_it_is() {
+    let rig = Rig::memory().await;
+    rig.submit(spp(1)).await;
+    let worker = rig.worker("a");
+    assert!(ask_samples(&rig, worker, 0, 1).await.is_empty());
+    assert_eq!(ask_samples(&rig, worker, 1, 1).await.len(), 1);
+    assert_eq!(ask_samples(&rig, worker, 3, 0).await.len(), 3);
+}
+
+/// Nobody takes so much that the others have nothing to do at the end.
+#[tokio::test]
+async fn what_is_left_is_shared() {
+    let rig = Rig::memory().await;
+    rig.submit(spp(64)).await;
+    let (one, two) = (rig.worker("a"), rig.worker("b"));
+    let all = 100 * 70 * 64;
+    let first = samples_of(&ask_samples(&rig, one, 0, u64::MAX).await);
+    assert!(first <= all / 4 && first > all / 16, "{first} of {all}");
+    let second = samples_of(&ask_samples(&rig, two, 0, u64::MAX).await);
+    assert!(second <= (all - first) / 4 && second > 0, "{second}");
+    // Enough for everyone: what is wanted is given.
+    let rig = Rig::memory().await;
+    rig.submit(spp(4096)).await;
+    let (one, _) = (rig.worker("a"), rig.worker("b"));
+    let first = samples_of(&ask_samples(&rig, one, 0, 30_000).await);
+    assert!(first <= 30_000 && first > 15_000, "{first}");
+}

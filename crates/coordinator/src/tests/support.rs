@@ -259,6 +259,7 @@ pub fn asking(worker: Uuid, want: u32) -> SyncRequest {
         given_back: vec![],
         failed: vec![],
         want,
+        want_samples: 0,
         wait_ms: 0,
         draining: false,
         prepared: vec![],

@@ -2,6 +2,7 @@
 
 use super::{CALLS_MAX, Call, LeaseLoop, QUIET, Quiet, Reports};
 use crate::WorkerError;
+use crate::pace::Wish;
 use client::{ClientError, RetryPolicy};
 use protocol::{RegisterRequest, RegisterResponse, SyncRequest, SyncResponse};
 use tokio::time::Instant;
@@ -26,17 +27,21 @@ impl LeaseLoop {
         };
         let (worker, heartbeat_ms) = (registered.worker, registered.heartbeat_ms.max(100));
         let want = self.want();
-        let asking = self.open.values().any(|&open| open > 0);
+        // Whoever asks only for more samples may be left without; a thread without work may not.
+        let asking = self
+            .open
+            .values()
+            .any(|open| open.units > 0 || (open.is_some() && want.units == 0));
         if self.open.len() >= CALLS_MAX {
             return;
         }
         if !self.reports.is_empty() {
-            self.sync(worker, 0, 0);
+            self.sync(worker, Wish::NONE, 0);
         }
-        let quiet = self
-            .quiet
-            .is_some_and(|quiet| Instant::now() < quiet.until && (quiet.want > 0 || want == 0));
-        if !quiet && (self.open.is_empty() || (want > 0 && !asking)) {
+        let quiet = self.quiet.is_some_and(|quiet| {
+            Instant::now() < quiet.until && (quiet.want.units > 0 || want.units == 0)
+        });
+        if !quiet && (self.open.is_empty() || (want.is_some() && !asking)) {
             self.sync(worker, want, heartbeat_ms);
         }
     }
@@ -57,14 +62,15 @@ impl LeaseLoop {
             .spawn(async move { Call::Registered(client.register(&request).await) });
     }
 
-    pub(super) fn sync(&mut self, worker: Uuid, want: u32, wait_ms: u64) {
+    pub(super) fn sync(&mut self, worker: Uuid, want: Wish, wait_ms: u64) {
         let reports = std::mem::take(&mut self.reports);
         let request = SyncRequest {
             worker,
             held: self.held.all(),
             given_back: reports.given_back.clone(),
             failed: reports.failed.clone(),
-            want,
+            want: want.units,
+            want_samples: want.samples,
             wait_ms,
             draining: self.leaving.is_some(),
             prepared: reports.prepared.clone(),
@@ -117,7 +123,7 @@ impl LeaseLoop {
     pub(super) fn synced(
         &mut self,
         worker: Uuid,
-        want: u32,
+        want: Wish,
         reports: Reports,
         result: Result<SyncResponse, ClientError>,
     ) -> Result<(), WorkerError> {

@@ -2,7 +2,7 @@
 
 use super::{LeaseLoop, Parked, SPECS_MAX};
 use crate::held::Phase;
-use crate::pace::Load;
+use crate::pace::{Load, Wish};
 use crate::pool::Work;
 use crate::scene_cache::SceneKey;
 use film::TileGrid;
@@ -24,14 +24,13 @@ impl LeaseLoop {
             running: self.held.count(Phase::InPool).saturating_sub(waiting.len()),
             waiting: waiting.len() + self.parked.len(),
             waiting_samples: self.held.samples_of(&waiting) + parked,
-            unit_samples: self.unit_samples,
         }
     }
 
-    pub(super) fn want(&self) -> u32 {
+    pub(super) fn want(&self) -> Wish {
         let full = self.outbox.bytes() > self.config.outbox_bytes;
         if full || self.drained || self.leaving.is_some() {
-            return 0;
+            return Wish::NONE;
         }
         self.pace.want(&self.load())
     }
@@ -61,17 +60,23 @@ impl LeaseLoop {
         let mut ready = Vec::new();
         let mut load = self.load();
         for lease in leases {
-            // Units grow from pass to pass: what was asked for by the size of the last may be far too
-            // much, and others would have nothing to do at the end.
+            // The answer to a repeated call must not give back what is in work here.
+            if self.held.get(&lease.at).is_some() {
+                continue;
+            }
+            // Speed may have been misjudged, and others would have nothing to do at the end.
             if self.leaving.is_some() || self.pace.is_plenty(&load) {
                 self.reports.given_back.push(lease.at);
                 continue;
             }
+            let at = lease.at.clone();
             if let Some(work) = self.take_lease(lease) {
                 ready.push(work);
             }
-            load.waiting += 1;
-            load.waiting_samples += self.unit_samples;
+            if let Some(held) = self.held.get(&at) {
+                load.waiting += 1;
+                load.waiting_samples += held.samples;
+            }
         }
         self.pool.push(ready);
     }
@@ -108,7 +113,6 @@ impl LeaseLoop {
         if !self.held.insert(at.clone(), samples) {
             return None; // the answer to a repeated call
         }
-        self.unit_samples = samples;
         let key = SceneKey {
             spec_digest,
             frame: at.unit.frame,

@@ -38,7 +38,7 @@ impl LeaseLoop {
         };
         // Twice, because an open call may still have brought leases.
         for last in [false, true] {
-            if last && self.open.values().all(|&want| want == 0) {
+            if last && self.open.values().all(|want| !want.is_some()) {
                 break;
             }
             let request = SyncRequest {
@@ -47,6 +47,7 @@ impl LeaseLoop {
                 given_back: std::mem::take(&mut self.reports.given_back),
                 failed: std::mem::take(&mut self.reports.failed),
                 want: 0,
+                want_samples: 0,
                 wait_ms: 0,
                 draining: true,
                 prepared: std::mem::take(&mut self.reports.prepared),
@@ -68,7 +69,7 @@ impl LeaseLoop {
     pub(super) async fn collect_late_leases(&mut self) {
         // A call that is not answered by now is still waiting for work, and dropping it ends that.
         let deadline = Instant::now() + 4 * QUIET;
-        while self.open.values().any(|&want| want > 0) {
+        while self.open.values().any(|want| want.is_some()) {
             match tokio::time::timeout_at(deadline, self.calls.join_next()).await {
                 Ok(Some(Ok(Call::Synced { number, result, .. }))) => {
                     self.open.remove(&number);
