@@ -20,6 +20,7 @@ mod render;
 pub mod sampler;
 pub mod sampling;
 pub mod scene;
+mod split;
 pub mod texture;
 
 pub use accel::SimdLevel;

@@ -7,8 +7,9 @@ use crate::math::Rgb;
 use crate::ray::Ray;
 use crate::sampler::Sampler;
 use crate::scene::Scene;
+use crate::split::Part;
 use ::scene::model::Integrator;
-use film::{Counters, LayerSample, SampleBuffer, SampleRange, Tile, Unit};
+use film::{Counters, LayerSample, SampleBuffer, SampleRange, Unit};
 use glam::Vec2;
 use std::ops::Range;
 
@@ -69,7 +70,8 @@ pub fn render_singly(
         for index in run.samples {
             scene.textures.refresh();
             let mut sampler = Sampler::start(&mut points, index);
-            let value = render_sample(&scene, run.pixel.whole, &mut sampler, &mut counters);
+            let (pixel, split) = (run.pixel.whole, run.split);
+            let value = render_sample(&scene, pixel, split, &mut sampler, &mut counters);
             counters.samples += 1;
             if buffer.add(x, y, index, &value).is_err() {
                 counters.rejected += 1;
@@ -82,17 +84,20 @@ pub fn render_singly(
 /// Some samples of a pixel, one after another.
 pub(crate) struct RunOf {
     pub pixel: PixelOf,
+    /// How many paths each of them is split into.
+    pub split: u32,
     /// Their indices.
     pub samples: Range<u32>,
 }
 
-/// The samples of a unit, pixel by pixel.
+/// The samples of a unit, pixel by pixel, one part of the picture that is split alike after another.
 pub(crate) struct SamplesOf {
-    tile: Tile,
     /// Where the tile lies in the whole picture: a pixel of a crop is named by its place there, so that both
     /// are the same.
     origin: [u32; 2],
+    parts: Vec<Part>,
     samples: SampleRange,
+    /// Pixel of the last part.
     next_place: [u32; 2],
     next_index: u32,
 }
@@ -100,38 +105,54 @@ pub(crate) struct SamplesOf {
 impl SamplesOf {
     fn new(scene: &Scene, unit: &Unit) -> SamplesOf {
         let tile = scene.grid.tile(unit.tile);
+        let origin = [tile.x + scene.crop_origin[0], tile.y + scene.crop_origin[1]];
+        let mut parts = scene
+            .splits
+            .parts(origin, [origin[0] + tile.width, origin[1] + tile.height]);
+        parts.reverse();
         SamplesOf {
-            tile,
-            origin: [tile.x + scene.crop_origin[0], tile.y + scene.crop_origin[1]],
+            origin,
+            next_place: parts.last().map_or([0, 0], |p| p.begin),
+            parts,
             samples: unit.samples,
-            next_place: [0, 0],
             next_index: unit.samples.begin,
         }
     }
 
+    /// Into how many paths the next samples are split.
+    pub(crate) fn split(&self) -> u32 {
+        self.parts.last().map_or(1, |part| part.split)
+    }
+
     /// Samples of one pixel, as many as are left there but at most so many.
     pub(crate) fn next(&mut self, most: usize) -> Option<RunOf> {
-        let [x, y] = self.next_place;
-        if y >= self.tile.height || x >= self.tile.width || self.next_index >= self.samples.end {
+        let part = *self.parts.last()?;
+        if self.samples.begin >= self.samples.end {
             return None;
         }
+        let [x, y] = self.next_place;
         let left = self.samples.end - self.next_index;
         let end = self.next_index + left.min(u32::try_from(most).unwrap_or(u32::MAX));
         let run = RunOf {
             pixel: PixelOf {
-                place: [x, y],
-                whole: [self.origin[0] + x, self.origin[1] + y],
+                place: [x - self.origin[0], y - self.origin[1]],
+                whole: [x, y],
             },
+            split: part.split,
             samples: self.next_index..end,
         };
         self.next_index = end;
         if end == self.samples.end {
             self.next_index = self.samples.begin;
-            self.next_place = if x + 1 < self.tile.width {
+            self.next_place = if x + 1 < part.end[0] {
                 [x + 1, y]
             } else {
-                [0, y + 1]
+                [part.begin[0], y + 1]
             };
+            if self.next_place[1] == part.end[1] {
+                self.parts.pop();
+                self.next_place = self.parts.last().map_or([0, 0], |p| p.begin);
+            }
         }
         Some(run)
     }
@@ -154,6 +175,7 @@ pub(crate) fn camera_ray(scene: &Scene, pixel: [u32; 2], sampler: &mut Sampler) 
 fn render_sample(
     scene: &Scene,
     pixel: [u32; 2],
+    split: u32,
     sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
@@ -180,7 +202,7 @@ fn render_sample(
         }
         Integrator::Path { max_depth } => finish(
             scene,
-            path::sample(scene, ray, *max_depth, sampler, counters),
+            path::sample(scene, ray, *max_depth, split, sampler, counters),
             weight,
         ),
         Integrator::Direct { max_depth } => finish(

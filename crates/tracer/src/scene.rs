@@ -12,6 +12,7 @@ use crate::math::Rgb;
 use crate::medium::Media;
 use crate::ray::{Hit, NONE, Ray};
 use crate::sampler::{PixelKey, PixelPoints};
+use crate::split::{SPLIT_MAX, Splits};
 use crate::texture::Textures;
 use ::scene::model::{Integrator, SamplerKind};
 use film::TileGrid;
@@ -44,6 +45,8 @@ pub struct Scene {
     pub(crate) stream: Arc<Tables>,
     /// Which points a pixel is sampled at.
     pub sampler: SamplerKind,
+    /// How many paths samples are split into.
+    pub(crate) splits: Arc<Splits>,
     /// Seed of the sampler.
     pub seed: u64,
     /// Frame number.
@@ -76,6 +79,12 @@ impl Scene {
         }
     }
 
+    /// Splits all samples into so many paths (1 to 4) from now on, instead of what was found to be best for
+    /// each part of the picture: other samples, of the same mean.
+    pub fn set_split(&mut self, split: u32) {
+        self.splits = Arc::new(Splits::all(split.clamp(1, SPLIT_MAX)));
+    }
+
     /// The same scene for one unit of work: it holds pictures of its own, so that others may be dropped
     /// between its samples.
     pub(crate) fn view(&self) -> Scene {
@@ -88,6 +97,7 @@ impl Scene {
             camera: self.camera.clone(),
             filter: self.filter.clone(),
             stream: self.stream.clone(),
+            splits: self.splits.clone(),
             ..*self
         }
     }

@@ -33,7 +33,7 @@ pub fn sample(
     for _ in 0..=max_depth {
         // One scattering event seen from here: the path tracer with a depth of one.
         let Some(delta) = follow(scene, &ray, sampler, counters) else {
-            let seen = path::sample(scene, ray, 1, sampler, counters);
+            let seen = path::sample(scene, ray, 1, 1, sampler, counters);
             total += throughput * Rgb::from_array(seen.beauty);
             layers.get_or_insert(seen);
             break;

@@ -12,6 +12,7 @@ use crate::math::Rgb;
 use crate::ray::{NONE, Ray};
 use crate::sampler::{BounceNumbers, Sampler};
 use crate::scene::Scene;
+use crate::split::SPLIT_MAX;
 use film::{Counters, LayerSample};
 use glam::Vec3;
 
@@ -37,6 +38,8 @@ pub(super) struct Carried {
     pub last_aim: Aim,
     /// Scattering events.
     pub depth: u32,
+    /// Into how many the path was split: each lives as long as the whole would.
+    pub split: f32,
 }
 
 impl Carried {
@@ -49,6 +52,17 @@ impl Carried {
             last_p: ray.origin,
             last_aim: Aim::ANYWHERE,
             depth: 0,
+            split: 1.0,
+        }
+    }
+
+    /// One of the paths that this one is split into at its first vertex.
+    pub(super) fn part(&self, split: u32) -> Carried {
+        let split = split as f32;
+        Carried {
+            throughput: self.throughput * (1.0 / split),
+            split,
+            ..*self
         }
     }
 }
@@ -75,6 +89,12 @@ impl Gathered {
         passed: 0,
         travelled: 0.0,
     };
+
+    /// Nothing yet, by a path that begins behind the first surface.
+    const LATER: Gathered = Gathered {
+        seen_first: true,
+        ..Gathered::NOTHING
+    };
 }
 
 /// Light that arrives unless something stands in the way.
@@ -85,58 +105,121 @@ pub(super) struct Shadow {
     pub light: Rgb,
 }
 
-/// Radiance along a camera ray, one path by itself: the reference for streams.
+/// Radiance along a camera ray, one path by itself: the reference for streams. At the first vertex it is
+/// split into several, each with numbers of its own, which share what the camera ray has cost.
 pub fn sample(
     scene: &Scene,
-    mut ray: Ray,
+    ray: Ray,
     max_depth: u32,
+    split: u32,
     sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
-    let mut carried = Carried::start(&ray);
+    sampler.split(split);
+    let mut others = [Rgb::ZERO; SPLIT_MAX as usize];
+    let others = &mut others[1..split as usize];
     let mut gathered = Gathered::NOTHING;
-    loop {
-        counters.rays += 1;
-        let hit = scene.geometry.closest(&ray);
-        if !hit.is_some() {
-            escape(scene, &ray, &carried, &mut gathered);
-            break;
-        }
-        let mut it = Interaction::NONE;
-        scene.find(&ray, &hit, &mut it);
-        let wo = -ray.direction;
-        shine(scene, &it, wo, &carried, &mut gathered);
-        if carried.depth >= max_depth && gathered.seen_first {
-            break;
-        }
-        let numbers = sampler.bounce(scene.geometry.level);
-        let slots = Slots::default();
-        let Some(shading) = scene
-            .materials
-            .shade(&scene.textures, &it, wo, numbers.mix, &slots)
-        else {
-            let Some(next) = pass(&it, &ray, hit.t, &mut gathered) else {
+    let start = Carried::start(&ray);
+    let mut follower = Follower {
+        scene,
+        max_depth,
+        counters,
+    };
+    follower.follow(ray, start, &mut gathered, sampler, others);
+    let radiance = others.iter().fold(gathered.radiance, |sum, r| sum + *r);
+    gathered.first.with(radiance)
+}
+
+/// What is the same for all paths of a sample.
+struct Follower<'a> {
+    scene: &'a Scene,
+    max_depth: u32,
+    counters: &'a mut Counters,
+}
+
+impl Follower<'_> {
+    /// Follows a path to its end. What the paths that it is split into at its first vertex gather, besides
+    /// itself, goes to `others`.
+    fn follow(
+        &mut self,
+        mut ray: Ray,
+        mut carried: Carried,
+        gathered: &mut Gathered,
+        sampler: &mut Sampler,
+        mut others: &mut [Rgb],
+    ) {
+        let scene = self.scene;
+        loop {
+            self.counters.rays += 1;
+            let hit = scene.geometry.closest(&ray);
+            if !hit.is_some() {
+                escape(scene, &ray, &carried, gathered);
+                break;
+            }
+            let mut it = Interaction::NONE;
+            scene.find(&ray, &hit, &mut it);
+            let wo = -ray.direction;
+            shine(scene, &it, wo, &carried, gathered);
+            if carried.depth >= self.max_depth && gathered.seen_first {
+                break;
+            }
+            let numbers = sampler.bounce(scene.geometry.level);
+            let slots = Slots::default();
+            let others = std::mem::take(&mut others);
+            let Some(shading) =
+                scene
+                    .materials
+                    .shade(&scene.textures, &it, wo, numbers.mix, &slots)
+            else {
+                let Some(next) = pass(&it, &ray, hit.t, gathered) else {
+                    break;
+                };
+                ray = next;
+                continue;
+            };
+            see(&it, &shading, wo, hit.t, gathered);
+            if carried.depth >= self.max_depth {
+                break;
+            }
+            if !others.is_empty() {
+                carried = carried.part(others.len() as u32 + 1);
+                for (i, other) in others.iter_mut().enumerate() {
+                    let mut sampler = sampler.part(i as u32 + 1);
+                    let numbers = sampler.bounce(scene.geometry.level);
+                    let mut carried = carried;
+                    let mut gathered = Gathered::LATER;
+                    let vertex = (&it, &shading, wo, &numbers);
+                    if let Some(next) = self.scatter(vertex, &mut carried, &mut gathered) {
+                        self.follow(next, carried, &mut gathered, &mut sampler, &mut []);
+                    }
+                    *other = gathered.radiance;
+                }
+            }
+            let vertex = (&it, &shading, wo, &numbers);
+            let Some(next) = self.scatter(vertex, &mut carried, gathered) else {
                 break;
             };
             ray = next;
-            continue;
-        };
-        see(&it, &shading, wo, hit.t, &mut gathered);
-        if carried.depth >= max_depth {
-            break;
         }
-        counters.bounces += 1;
-        let (shadow, next) = scatter(scene, &it, &shading, wo, &numbers, &mut carried);
+    }
+
+    /// [`scatter`], and the light that arrives.
+    fn scatter(
+        &mut self,
+        (it, shading, wo, numbers): (&Interaction, &Shading, Vec3, &BounceNumbers),
+        carried: &mut Carried,
+        gathered: &mut Gathered,
+    ) -> Option<Ray> {
+        self.counters.bounces += 1;
+        let (shadow, next) = scatter(self.scene, it, shading, wo, numbers, carried);
         if let Some(shadow) = shadow {
-            counters.shadow_rays += 1;
-            if !scene.geometry.occluded(&shadow.ray) {
+            self.counters.shadow_rays += 1;
+            if !self.scene.geometry.occluded(&shadow.ray) {
                 gathered.radiance += shadow.light;
             }
         }
-        let Some(next) = next else { break };
-        ray = next;
+        next
     }
-    gathered.first.with(gathered.radiance)
 }
 
 /// Nothing is hit any more.
@@ -221,7 +304,7 @@ pub(super) fn scatter(
     }
     if carried.depth >= ROULETTE_FROM {
         let strongest = carried.throughput.max_element();
-        let keep = (strongest * carried.eta_scale * ROULETTE_FACTOR).min(1.0);
+        let keep = (strongest * carried.eta_scale * (ROULETTE_FACTOR * carried.split)).min(1.0);
         let goes_on = numbers.roulette < keep;
         if !goes_on {
             return (shadow, None);

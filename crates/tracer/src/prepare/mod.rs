@@ -16,6 +16,7 @@ use crate::material::Materials;
 use crate::math::{self, Rgb};
 use crate::medium::Media;
 use crate::scene::Scene;
+use crate::split::Splits;
 use crate::texture::Textures;
 use crate::texture::image::Image;
 use crate::{PrepareError, PrepareSettings, StopFlag};
@@ -111,7 +112,7 @@ fn compile(
     };
     let [x0, y0, x1, y1] = film.crop.unwrap_or([0, 0, film.width, film.height]);
     let tables = Tables::new(&geometry, &materials, &lights);
-    Ok(Scene {
+    let mut scene = Scene {
         geometry: Arc::new(Geometry {
             level: crate::simd(),
             ..geometry
@@ -127,6 +128,7 @@ fn compile(
         integrator: desc.integrator,
         stream: Arc::new(tables),
         sampler: desc.sampler,
+        splits: Arc::default(),
         seed: settings.seed,
         frame: settings.frame,
         grid: TileGrid {
@@ -138,7 +140,9 @@ fn compile(
         exposure: Rgb::from_array(film.exposure),
         max_component: film.max_component.unwrap_or(f32::INFINITY),
         clamp_indirect: settings.clamp_indirect.unwrap_or(f32::INFINITY),
-    })
+    };
+    scene.splits = Arc::new(Splits::choose(&scene, stop)?);
+    Ok(scene)
 }
 
 /// Refuses grids whose values are not those of their cells.

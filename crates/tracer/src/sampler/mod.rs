@@ -42,6 +42,14 @@ pub(crate) fn dimension_of(event: u32) -> u32 {
     (event + 1) * DIMENSIONS_OF_EVENT
 }
 
+/// Index of the numbers that a part of a sample's path takes for its events: those of all parts of all
+/// samples are the points 0, 1, 2 ... of a sequence, of which the camera takes one in `split`. For the
+/// lattice that is a lattice again, whose vector has the camera's components times `split`.
+#[inline(always)]
+pub(crate) fn index_of_part(index: u32, split: u32, part: u32) -> u32 {
+    index.wrapping_mul(split).wrapping_add(part)
+}
+
 /// First dimension of the camera.
 pub(crate) const CAMERA: u32 = 0;
 
@@ -158,6 +166,19 @@ impl Sampler<'_> {
             dimension: dimension_of(events),
             ..Sampler::start(pixel, index)
         }
+    }
+
+    /// The camera's path is going to be split: the numbers from here on are those of its first part.
+    #[inline]
+    pub(crate) fn split(&mut self, split: u32) {
+        self.index = index_of_part(self.index, split, 0);
+        self.reversed = self.index.reverse_bits();
+    }
+
+    /// The numbers of another part, from the first event on.
+    #[inline]
+    pub(crate) fn part(&mut self, part: u32) -> Sampler<'_> {
+        Sampler::at_event(self.pixel, self.index.wrapping_add(part), 0)
     }
 
     /// A uniform number in [0, 1).

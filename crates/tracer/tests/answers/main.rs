@@ -27,4 +27,5 @@ mod pictured_lights;
 mod pictures;
 mod references;
 mod robustness;
+mod splitting;
 mod streams;

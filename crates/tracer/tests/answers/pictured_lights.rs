@@ -214,7 +214,7 @@ fn portals_let_in_what_is_seen_through_them() {
             64,
         );
         desc.integrator = Integrator::Path { max_depth: 3 };
-        let picture = Picture::of(&compile(&desc, &assets, 7, 1), 64);
+        let picture = Picture::of(&compile(&desc, &assets, 7, 1), 256);
         for i in 0..COLUMNS {
             let x = column(i, COLUMNS, X);
             let want = RHO * 2.0 * rectangle(x, zs, xs, height);

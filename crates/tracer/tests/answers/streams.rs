@@ -61,8 +61,11 @@ fn scenes_of_the_project_keep_their_bits() {
             picture_bytes: u64::MAX,
         };
         let stop = StopFlag::default();
-        let scene = tracer::prepare(&desc, assets.as_ref(), &settings, &stop).expect("prepares");
+        let mut scene =
+            tracer::prepare(&desc, assets.as_ref(), &settings, &stop).expect("prepares");
         check(name, &scene, 0, 3);
+        scene.set_split(4);
+        check(&format!("{name}, split"), &scene, 3, 4);
     }
 }
 
@@ -289,6 +292,9 @@ fn any_scene_keeps_its_bits() {
         let assets = MemorySource::new();
         let mut scene =
             tracer::prepare(&desc, &assets, &settings, &StopFlag::default()).expect("prepares");
+        if let Some(split) = pick(&mut rng, &[None, Some(1), Some(2), Some(3), Some(4)]) {
+            scene.set_split(split);
+        }
         for level in [SimdLevel::best(), SimdLevel::Scalar] {
             scene.set_simd_level(level);
             let (begin, end) = pick(&mut rng, &[(0, 1), (0, 7), (3, 20), (60, 70)]);
@@ -307,8 +313,10 @@ fn long_pixels_and_stops() {
         diffuse(0.5),
     );
     desc.lights.push(sky(1.0));
-    let scene = compile(&desc, &MemorySource::new(), 1, 1);
+    let mut scene = compile(&desc, &MemorySource::new(), 1, 1);
     check("a long pixel", &scene, 100, 1700);
+    scene.set_split(3);
+    check("a long pixel, split", &scene, 100, 800);
     let stop = StopFlag::default();
     stop.stop();
     let unit = Unit {

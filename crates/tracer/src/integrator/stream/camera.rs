@@ -14,26 +14,31 @@ use scene::model::SamplerKind;
 pub(super) fn rays<W: Wide>(wave: &Wave, paths: &mut Paths) {
     let scene = wave.scene;
     if scene.sampler != SamplerKind::Lattice || !scene.camera.suits_lanes() {
-        for at in 0..paths.len() {
+        for sample in 0..paths.samples() {
+            let at = paths.slot_of(sample);
             let whole = paths.pixel(at).whole;
             let mut points = PixelPoints::new(scene.sampler, paths.pixel_key(at as u32));
             let mut sampler = Sampler::start(&mut points, paths.index(at));
             let (ray, weight) = camera_ray(scene, whole, &mut sampler);
-            paths.rays_mut()[at] = bytemuck::cast(ray);
+            paths.rays_mut()[sample] = bytemuck::cast(ray);
             paths.radiance[at] = Row([0.0, 0.0, 0.0, weight, 0.0, 0.0, 0.0, 0.0]);
         }
         return;
     }
     let one = W::F::splat(1.0);
-    for begin in (0..paths.len()).step_by(LANES) {
-        let slots = paths::in_turn(begin, paths.len());
+    for begin in (0..paths.samples()).step_by(LANES) {
+        let rays = paths::in_turn(begin, paths.samples());
+        let mut slots = rays;
+        for slot in &mut slots {
+            *slot = paths.slot_of(*slot as usize) as u32;
+        }
         let mut shifts = [Row::default(); LANES];
         let mut reversed = [0; LANES];
         let mut center = [Row::default(); 2];
         for lane in 0..LANES {
             let slot = slots[lane];
             shifts[lane] = Row(bytemuck::cast(paths.keys(slot, CAMERA).shift));
-            reversed[lane] = paths.reversed[slot as usize];
+            reversed[lane] = paths.index(slot as usize).reverse_bits();
             let [x, y] = paths.pixel(slot as usize).whole;
             center[0].0[lane] = x as f32 + 0.5;
             center[1].0[lane] = y as f32 + 0.5;
@@ -57,7 +62,7 @@ pub(super) fn rays<W: Wide>(wave: &Wave, paths: &mut Paths) {
         let end = W::F::splat(f32::INFINITY);
         paths::scatter::<W>(
             paths.rays_mut(),
-            &slots,
+            &rays,
             [o.x, o.y, o.z, d.x, d.y, d.z, end, time],
         );
         let zero = W::F::splat(0.0);

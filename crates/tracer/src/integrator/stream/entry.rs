@@ -43,5 +43,5 @@ entry! {
 }
 entry! {
     /// See [`finish::add`].
-    pub(super) fn finish(wave: &Wave, paths: &Paths, columns: &mut Columns, buffer: &mut SampleBuffer) -> u64 = finish::add;
+    pub(super) fn finish(wave: &Wave, paths: &mut Paths, columns: &mut Columns, buffer: &mut SampleBuffer) -> u64 = finish::add;
 }

@@ -9,19 +9,21 @@ use film::{Columns, SampleBuffer};
 #[inline(always)]
 pub(super) fn add<W: Wide>(
     wave: &Wave,
-    paths: &Paths,
+    paths: &mut Paths,
     columns: &mut Columns,
     buffer: &mut SampleBuffer,
 ) -> u64 {
-    for begin in (0..paths.len()).step_by(LANES) {
+    paths.join();
+    for begin in (0..paths.samples()).step_by(LANES) {
         fill::<W>(wave, paths, begin, columns);
     }
     let mut rejected = 0;
     let mut begin = 0;
-    while begin < paths.len() {
-        let end = paths.end_of_pixel(begin);
-        let [x, y] = paths.pixel(begin).place;
-        rejected += buffer.add_run(x, y, paths.index(begin), begin..end, columns);
+    while begin < paths.samples() {
+        let slot = paths.slot_of(begin);
+        let end = paths.end_of_pixel(slot);
+        let [x, y] = paths.pixel(slot).place;
+        rejected += buffer.add_run(x, y, paths.index(slot), begin..end, columns);
         begin = end;
     }
     rejected

@@ -19,10 +19,12 @@ mod finish;
 mod light;
 mod numbers;
 mod paths;
+mod pilot;
 mod scatter;
 mod tables;
 
 pub(crate) use paths::PixelOf;
+pub(crate) use pilot::{PILOT_PIXELS, Pilot};
 pub(crate) use tables::Tables;
 
 use super::path;
@@ -73,15 +75,17 @@ impl Stream {
     /// Takes the next samples; whether there were any.
     pub(crate) fn fill(&mut self, scene: &Scene, samples: &mut SamplesOf) -> bool {
         let paths = &mut *self.paths;
-        paths.clear();
-        while paths.len() < CAPACITY {
-            let Some(run) = samples.next(CAPACITY - paths.len()) else {
+        let split = samples.split();
+        paths.clear(split);
+        // All in a stream are split alike.
+        while paths.room() > 0 && samples.split() == split {
+            let Some(run) = samples.next(paths.room()) else {
                 break;
             };
             paths.push(run.pixel, scene.pixel_key(run.pixel.whole), run.samples);
         }
         paths.start();
-        paths.len() > 0
+        paths.samples() > 0
     }
 
     /// Follows all paths from the camera to their ends; `None` if stopped.
@@ -122,8 +126,8 @@ impl Stream {
             event: 0,
             max_depth: 0,
         };
-        counters.samples += self.paths.len() as u64;
-        let (paths, columns) = (&*self.paths, &mut *self.columns);
+        counters.samples += self.paths.samples() as u64;
+        let (paths, columns) = (&mut *self.paths, &mut *self.columns);
         counters.rejected += entry::finish(scene.geometry.level, &wave, paths, columns, buffer);
     }
 
@@ -169,6 +173,14 @@ impl Stream {
             event,
             max_depth,
         };
+        if event == 0 && paths.split() > 1 {
+            for model in [Model::Diffuse, Model::Conductor, Model::Dielectric] {
+                lists.split(model, paths.split());
+                let places = lists.scattering(model);
+                paths.split_at(places);
+                numbers::draw(wave, paths, places);
+            }
+        }
         let [diffuse, conductor, dielectric] =
             [Model::Diffuse, Model::Conductor, Model::Dielectric].map(|m| lists.scattering(m));
         counters.bounces += (diffuse.len() + conductor.len() + dielectric.len()) as u64;
@@ -235,7 +247,7 @@ fn escape(scene: &Scene, paths: &mut Paths, place: Place) {
 fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Counters) -> Model {
     let scene = wave.scene;
     let (ray, hit) = (paths.ray(place), paths.hit(place));
-    let mut carried = paths.carried(place);
+    let carried = paths.carried(place);
     let mut gathered = paths.gathered(place);
     let mut it = Interaction::NONE;
     scene.find(&ray, &hit, &mut it);
@@ -275,14 +287,29 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
             return model;
         }
     }
-    counters.bounces += 1;
-    let (shadow, next) = path::scatter(scene, &it, &shading, wo, &numbers, &mut carried);
-    if let Some(shadow) = shadow {
-        paths.ask_shadow(place, &shadow);
+    let split = if wave.event == 0 { paths.split() } else { 1 };
+    if split > 1 {
+        paths.split_at(&[place]);
     }
-    if let Some(next) = next {
-        paths.set_carried(place, &carried);
-        paths.go_on(place, &next);
+    for part in 0..split {
+        let place = Place {
+            slot: place.slot + part,
+            ..place
+        };
+        if part > 0 {
+            draw_one(wave, paths, place);
+        }
+        let numbers = paths.numbers(place);
+        let mut carried = paths.carried(place);
+        counters.bounces += 1;
+        let (shadow, next) = path::scatter(scene, &it, &shading, wo, &numbers, &mut carried);
+        if let Some(shadow) = shadow {
+            paths.ask_shadow(place, &shadow);
+        }
+        if let Some(next) = next {
+            paths.set_carried(place, &carried);
+            paths.go_on(place, &next);
+        }
     }
     Model::Other
 }
@@ -290,7 +317,11 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
 /// The numbers of an event, one path after another.
 fn draw_one(wave: &Wave, paths: &mut Paths, place: Place) {
     let mut points = PixelPoints::new(wave.scene.sampler, paths.pixel_key(place.slot));
-    let mut sampler = Sampler::at_event(&mut points, paths.index(place.slot as usize), wave.event);
+    let mut sampler = Sampler::at_event(
+        &mut points,
+        paths.reversed[place.slot as usize].reverse_bits(),
+        wave.event,
+    );
     let numbers = sampler.bounce(wave.scene.geometry.level);
     paths.set_numbers(place, &numbers);
 }

@@ -12,7 +12,7 @@ use crate::lanes::{Float, LANES, Row, Wide};
 use crate::light::Aim;
 use crate::math::Rgb;
 use crate::ray::{Hit, Ray};
-use crate::sampler::{BounceNumbers, LatticeKeys, PixelKey};
+use crate::sampler::{self, BounceNumbers, LatticeKeys, PixelKey};
 use glam::{Vec2, Vec3};
 use std::ops::Range;
 
@@ -41,7 +41,7 @@ pub(super) struct Paths {
     shadow_rays: Vec<Row>,
     shadow_light: Vec<(Rgb, u32)>,
     blocked: Vec<bool>,
-    /// By slot: throughput, eta_scale, last_pdf, depth (bits).
+    /// By slot: throughput, eta_scale, last_pdf, depth (bits), split.
     pub carried: Vec<Row>,
     /// By slot: last_p, axis of last_aim, its narrowness (bits).
     pub last: Vec<Row>,
@@ -57,10 +57,13 @@ pub(super) struct Paths {
     pub radiance: Vec<Row>,
     rare: Vec<Rare>,
     any_passed: bool,
-    /// Samples in work.
+    /// Paths that a sample is split into; those of one lie side by side, the camera's first.
+    split: usize,
+    /// Paths in work.
     len: usize,
-    /// Sample index by slot, and its bits reversed.
+    /// Sample index by slot.
     index: Box<[u32; CAPACITY]>,
+    /// Index of the numbers of events by slot, its bits reversed.
     pub reversed: Box<[u32; CAPACITY]>,
     /// Pixel by slot.
     pixel: Box<[u32; CAPACITY]>,
@@ -72,7 +75,7 @@ pub(super) struct Paths {
 struct Pixel {
     of: PixelOf,
     key: PixelKey,
-    /// Slot after its last.
+    /// Sample after its last.
     end: u32,
     /// Dimension that `keys` are of.
     dimension: u32,
@@ -118,6 +121,7 @@ impl Paths {
             radiance: rows(),
             rare: vec![Rare::NONE; CAPACITY],
             any_passed: false,
+            split: 1,
             len: 0,
             index: Box::new([0; CAPACITY]),
             reversed: Box::new([0; CAPACITY]),
@@ -126,8 +130,9 @@ impl Paths {
         })
     }
 
-    /// Makes room for new paths.
-    pub fn clear(&mut self) {
+    /// Makes room for new samples, each split into so many paths.
+    pub fn clear(&mut self, split: u32) {
+        self.split = split as usize;
         self.len = 0;
         self.pixels.clear();
         let nothing = Carried {
@@ -137,6 +142,7 @@ impl Paths {
             last_p: Vec3::ZERO,
             last_aim: Aim::ANYWHERE,
             depth: 0,
+            split: 1.0,
         };
         self.carried.fill(carried_row(&nothing));
         self.first.fill(first_row(&First::NOTHING));
@@ -147,16 +153,20 @@ impl Paths {
     /// Adds samples of a pixel.
     pub fn push(&mut self, of: PixelOf, key: PixelKey, samples: Range<u32>) {
         let pixel = self.pixels.len() as u32;
+        let split = self.split as u32;
         for index in samples {
-            self.index[self.len] = index;
-            self.reversed[self.len] = index.reverse_bits();
-            self.pixel[self.len] = pixel;
-            self.len += 1;
+            for part in 0..split {
+                self.index[self.len] = index;
+                let of_events = sampler::index_of_part(index, split, part);
+                self.reversed[self.len] = of_events.reverse_bits();
+                self.pixel[self.len] = pixel;
+                self.len += 1;
+            }
         }
         self.pixels.push(Pixel {
             of,
             key,
-            end: self.len as u32,
+            end: self.samples() as u32,
             dimension: u32::MAX,
             keys: LatticeKeys::default(),
         });
@@ -165,13 +175,80 @@ impl Paths {
     /// Puts all samples on their way; [`super::camera::rays`] makes their rays.
     pub fn start(&mut self) {
         self.slots.clear();
-        self.slots.extend(0..self.len as u32);
-        self.rays.resize(self.len, Row::default());
+        self.slots
+            .extend((0..self.len as u32).step_by(self.split.max(1)));
+        self.rays.resize(self.samples(), Row::default());
+        if self.split > 1 {
+            // Camera rays clear those of the first paths only.
+            self.radiance[..self.len].fill(Row::default());
+        }
     }
 
     /// Samples, on their way or not.
-    pub fn len(&self) -> usize {
-        self.len
+    #[inline(always)]
+    pub fn samples(&self) -> usize {
+        self.len / self.split
+    }
+
+    /// Samples that there is room for.
+    pub fn room(&self) -> usize {
+        (CAPACITY - self.len) / self.split
+    }
+
+    /// Paths that a sample is split into.
+    #[inline(always)]
+    pub fn split(&self) -> u32 {
+        self.split as u32
+    }
+
+    /// Slot of the camera's path of a sample.
+    #[inline(always)]
+    pub fn slot_of(&self, sample: usize) -> usize {
+        sample * self.split
+    }
+
+    /// Splits paths at their first vertex: `places` are those of all parts.
+    pub fn split_at(&mut self, places: &[Place]) {
+        for place in places {
+            let first = Place {
+                slot: place.slot - place.slot % self.split as u32,
+                ..*place
+            };
+            if place.slot != first.slot {
+                continue;
+            }
+            let carried = self.carried(first).part(self.split as u32);
+            let first = first.slot as usize;
+            for slot in first..first + self.split {
+                self.carried[slot] = carried_row(&carried);
+                self.last[slot] = self.last[first];
+                self.point[slot] = self.point[first];
+                self.surface[slot] = self.surface[first];
+                if slot != first {
+                    self.rare[slot] = Rare::LATER;
+                }
+            }
+        }
+    }
+
+    /// Puts together what the parts of each sample have gathered: records of samples, by their number.
+    pub fn join(&mut self) {
+        let split = self.split;
+        if split == 1 {
+            return;
+        }
+        for sample in 0..self.samples() {
+            let first = sample * split;
+            let mut sum = self.radiance[first];
+            for slot in first + 1..first + split {
+                let [r, g, b, ..] = self.radiance[slot].0;
+                sum.0[0] += r;
+                sum.0[1] += g;
+                sum.0[2] += b;
+            }
+            self.radiance[sample] = sum;
+            self.first[sample] = self.first[first];
+        }
     }
 
     /// The pixel of a sample.
@@ -180,7 +257,7 @@ impl Paths {
         &self.pixels[self.pixel[slot] as usize].of
     }
 
-    /// The slot after the last sample of a sample's pixel.
+    /// The sample after the last of a path's pixel.
     #[inline(always)]
     pub fn end_of_pixel(&self, slot: usize) -> usize {
         self.pixels[self.pixel[slot] as usize].end as usize
@@ -271,7 +348,7 @@ impl Paths {
     }
 
     pub fn carried(&self, place: Place) -> Carried {
-        let [r, g, b, eta_scale, pdf, depth, ..] = self.carried[place.slot as usize].0;
+        let [r, g, b, eta_scale, pdf, depth, split, _] = self.carried[place.slot as usize].0;
         let [px, py, pz, ax, ay, az, narrow, _] = self.last[place.slot as usize].0;
         Carried {
             throughput: Rgb::new(r, g, b),
@@ -283,6 +360,7 @@ impl Paths {
                 narrow: narrow.to_bits(),
             },
             depth: depth.to_bits(),
+            split,
         }
     }
 
@@ -458,7 +536,7 @@ fn carried_row(c: &Carried) -> Row {
     let [r, g, b] = c.throughput.to_array();
     let pdf = c.last_pdf.unwrap_or(NO_DENSITY);
     let depth = f32::from_bits(c.depth);
-    Row([r, g, b, c.eta_scale, pdf, depth, 0.0, 0.0])
+    Row([r, g, b, c.eta_scale, pdf, depth, c.split, 0.0])
 }
 
 fn first_row(first: &First) -> Row {
@@ -471,6 +549,12 @@ impl Rare {
         seen_first: false,
         passed: 0,
         travelled: 0.0,
+    };
+
+    /// Of a path that begins behind the first surface.
+    const LATER: Rare = Rare {
+        seen_first: true,
+        ..Rare::NONE
     };
 }
 
@@ -524,6 +608,22 @@ impl Lists {
         for list in self.found.iter_mut().chain(&mut self.scattering) {
             list.len = 0;
         }
+    }
+
+    /// Has all parts of paths scatter.
+    pub fn split(&mut self, model: Model, split: u32) {
+        let list = &mut self.scattering[model as usize];
+        // From the end: none is written over before it is read.
+        for at in (0..list.len).rev() {
+            let first = list.places[at];
+            for part in 0..split {
+                list.places[at * split as usize + part as usize] = Place {
+                    slot: first.slot + part,
+                    ..first
+                };
+            }
+        }
+        list.len *= split as usize;
     }
 
     pub fn found(&self, find: Find) -> &[Place] {

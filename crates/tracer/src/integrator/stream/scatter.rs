@@ -135,7 +135,7 @@ fn scatter<W: Wide, B: Lanes<W>>(wave: &Wave, paths: &mut Paths, places: &[Place
         let bsdf: B = model::<W, B>(wave, paths, &group, &vertex);
         let [lx, ly, bx, by, _, lobe, roulette, _] =
             paths::gather::<W>(&paths.numbers, &group.slots);
-        let [tr, tg, tb, eta_scale, _, depth, _, _] =
+        let [tr, tg, tb, eta_scale, _, depth, split, _] =
             paths::gather::<W>(&paths.carried, &group.slots);
         let frame = vertex.frame();
         let wo = frame.to_local(vertex.wo);
@@ -162,7 +162,8 @@ fn scatter<W: Wide, B: Lanes<W>>(wave: &Wave, paths: &mut Paths, places: &[Place
         let s = bsdf.sample(wo, lobe, (bx, by));
         let throughput = throughput.times(s.weight);
         let eta_scale = eta_scale * (s.eta * s.eta);
-        let keep = (throughput.max_element() * eta_scale * W::F::splat(ROULETTE_FACTOR)).min(one);
+        let factor = W::F::splat(ROULETTE_FACTOR) * split;
+        let keep = (throughput.max_element() * eta_scale * factor).min(one);
         let is_at_stake = is_at_least::<W>(depth, ROULETTE_FROM);
         let goes_on = s.any & (!is_at_stake | roulette.lt(keep));
         let kept = throughput * (one / keep);
@@ -190,7 +191,7 @@ fn scatter<W: Wide, B: Lanes<W>>(wave: &Wave, paths: &mut Paths, places: &[Place
         paths::scatter::<W>(
             &mut paths.carried,
             &group.slots,
-            [t.x, t.y, t.z, eta_scale, pdf, depth, zero, zero],
+            [t.x, t.y, t.z, eta_scale, pdf, depth, split, zero],
         );
         keep_last::<W, B>(paths, &group, &vertex, &bsdf, wo);
     }
