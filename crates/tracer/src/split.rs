@@ -123,7 +123,7 @@ impl Splits {
 }
 
 /// What a part's samples have and cost with few and with many paths.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Trial {
     /// Variance over squared mean, with one path and with [`SPLIT_MAX`].
     variance: [f64; 2],
