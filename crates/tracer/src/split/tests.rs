@@ -91,8 +91,12 @@ fn goes_by_variance_and_cost() {
     };
     assert_eq!(best(&[lens; 5]), [0; 5]);
     assert_eq!(best(&[behind; 5]), [2; 5]);
-    let mixed = best(&[lens, behind, lens, behind]);
-    assert_eq!(mixed, [0, 2, 0, 2]);
+    // Beside parts that make little noise whatever is done.
+    let quiet = Trial {
+        variance: [0.1, 0.098],
+        ..lens
+    };
+    assert_eq!(best(&[quiet, behind, quiet, behind]), [0, 2, 0, 2]);
     // Nothing to see.
     assert_eq!(best(&[Trial::default(); 3]), [0; 3]);
 }
