@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 pub struct EngineVersion(pub u32);
 
 /// The engine version of this program.
-pub const ENGINE_VERSION: EngineVersion = EngineVersion(6);
+pub const ENGINE_VERSION: EngineVersion = EngineVersion(7);
 
 impl std::fmt::Display for EngineVersion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -2,8 +2,9 @@
 
 use crate::bsdf::{
     self, Bsdf, BsdfSample, CoatTable, CoatedConductor, CoatedDiffuse, Conductor, Curve,
-    Dielectric, Diffuse, DiffuseTransmission, Facets, Hair, Lafortune, LobeParam, Mirror,
-    OrenNayar, Phong, Principled, PrincipledParams, PrincipledTables, Reach, ThinDielectric,
+    Dielectric, Diffuse, DiffuseTransmission, Facets, Hair, Lafortune, LobeParam, MIXED_MAX,
+    Mirror, Mixed, OrenNayar, Phong, Principled, PrincipledParams, PrincipledTables, Reach,
+    ThinDielectric,
 };
 use crate::geometry::Interaction;
 use crate::geometry::interaction::shading_frame;
@@ -38,6 +39,8 @@ pub struct Material {
     pub needs_tangents: bool,
     /// Some texture makes use of what a pixel covers.
     pub needs_footprint: bool,
+    /// A mix whose parts are all seen at once ([`Mixed`]).
+    is_sum: bool,
 }
 
 /// GGX widths that coats of varying roughness are tabulated at; the nearest is taken.
@@ -105,6 +108,7 @@ impl Material {
             needs_tangents: anisotropic || mapped,
             // Which of them the material refers to is not worth finding out.
             needs_footprint: varies && textures.any_footprint(),
+            is_sum: false,
         }
     }
 }
@@ -191,12 +195,20 @@ pub struct Materials {
     pub list: Vec<Material>,
 }
 
+/// What a mix is made of: materials and their shares.
+#[derive(Default)]
+struct Leaves {
+    of: [(usize, f32); MIXED_MAX],
+    len: usize,
+}
+
 /// Where a scattering function lives that is made for one point: the caller has room for it, so that
 /// nothing large is moved about.
 #[derive(Default)]
 pub struct Slots<'s> {
     bsdf: Slot<Bsdf<'s>>,
-    principled: Slot<Principled<'s>>,
+    mixed: Slot<Mixed<'s>>,
+    principled: [Slot<Principled<'s>>; MIXED_MAX],
 }
 
 /// Room that is filled at most once.
@@ -389,6 +401,9 @@ impl Materials {
                 plain: true,
             });
         }
+        if material.is_sum {
+            return self.sum(textures, it, wo, slots);
+        }
         material = self.resolve(textures, it, u);
         let (mut ns, mut base) = (it.ns, it.ns);
         if material.needs_tangents {
@@ -413,7 +428,7 @@ impl Materials {
         let bsdf = match &material.constant {
             Some(bsdf) => bsdf,
             None => {
-                let bsdf = material.bsdf(textures, it, base, &frame, &slots.principled)?;
+                let bsdf = material.bsdf(textures, it, base, &frame, &slots.principled[0])?;
                 slots.bsdf.get_or_init(|| bsdf)
             }
         };
@@ -424,6 +439,76 @@ impl Materials {
             real: glass.then(|| frame.to_local(it.ng)),
             plain: !(material.needs_tangents || glass),
         })
+    }
+
+    /// A mix of which all parts share the frame.
+    fn sum<'s>(
+        &'s self,
+        textures: &Textures,
+        it: &Interaction,
+        wo: Vec3,
+        slots: &'s Slots<'s>,
+    ) -> Option<Shading<'s>> {
+        let frame = Frame::from_normal(it.ns);
+        let mut leaves = Leaves::default();
+        self.add_leaves(textures, it, it.material as usize, 1.0, &mut leaves);
+        let bsdf = |nth: usize| {
+            let leaf = &self.list[leaves.of[nth].0];
+            match leaf.constant {
+                Some(bsdf) => Some(bsdf),
+                None => leaf.bsdf(textures, it, it.ns, &frame, &slots.principled[nth]),
+            }
+        };
+        let bsdf = if leaves.len == 1 {
+            bsdf(0)?
+        } else {
+            let wo = frame.to_local(wo);
+            let mut mixed = Mixed::new();
+            for nth in 0..leaves.len {
+                mixed.push(bsdf(nth)?, leaves.of[nth].1, wo);
+            }
+            mixed.finish();
+            Bsdf::Mixed(slots.mixed.get_or_init(|| mixed))
+        };
+        Some(Shading {
+            bsdf: slots.bsdf.get_or_init(|| bsdf),
+            frame,
+            unmapped: None,
+            real: None,
+            plain: true,
+        })
+    }
+
+    /// Adds what a material is mixed of, each with its share, where that is not zero.
+    fn add_leaves(
+        &self,
+        textures: &Textures,
+        it: &Interaction,
+        mut material: usize,
+        mut share: f32,
+        leaves: &mut Leaves,
+    ) {
+        loop {
+            match &self.list[material].desc {
+                BsdfDesc::Mix { a, b, amount } => {
+                    // The maximum is 0 where the texture is not a number.
+                    let of_b = textures.float(amount, &it.point).max(0.0).min(1.0);
+                    let of_a = 1.0 - of_b;
+                    if of_a > 0.0 && of_b > 0.0 {
+                        self.add_leaves(textures, it, b.index(), share * of_b, leaves);
+                        (material, share) = (a.index(), share * of_a);
+                    } else {
+                        material = if of_a > 0.0 { a.index() } else { b.index() };
+                    }
+                }
+                BsdfDesc::TwoSided { inner } => material = inner.index(),
+                _ => {
+                    leaves.of[leaves.len] = (material, share);
+                    leaves.len += 1;
+                    return;
+                }
+            }
+        }
     }
 
     /// Whether rays always pass a surface of this material as if it were not there.
@@ -461,15 +546,29 @@ impl Materials {
         }
     }
 
-    /// Whether a surface of this material needs tangents or footprints, whatever a mix picks.
+    /// Whether a surface of this material needs tangents or footprints, whatever a mix picks; and which
+    /// mixes are sums: those of a few materials that take the shading normal as it is.
     fn propagate_needs(&mut self) {
+        const NEVER: usize = MIXED_MAX + 1;
+        let mut leaves = vec![1; self.list.len()];
         for i in 0..self.list.len() {
-            let inner = match &self.list[i].desc {
+            let material = &self.list[i];
+            let inner = match &material.desc {
                 BsdfDesc::Mix { a, b, .. } => vec![a.index(), b.index()],
                 BsdfDesc::TwoSided { inner } => vec![inner.index()],
-                _ => continue,
+                desc => {
+                    let passes = matches!(desc, BsdfDesc::Interface);
+                    if passes || material.needs_tangents || material.refracts {
+                        leaves[i] = NEVER;
+                    }
+                    continue;
+                }
             };
-            self.list[i].needs_tangents |= inner.iter().any(|j| self.list[*j].needs_tangents);
+            let needs_tangents = inner.iter().any(|j| self.list[*j].needs_tangents);
+            leaves[i] = inner.iter().map(|j| leaves[*j]).sum::<usize>().min(NEVER);
+            let material = &mut self.list[i];
+            material.needs_tangents |= needs_tangents;
+            material.is_sum = !material.needs_tangents && (2..NEVER).contains(&leaves[i]);
         }
     }
 }

@@ -28,6 +28,7 @@ mod hair;
 mod lafortune;
 pub(crate) mod lanes;
 mod mirror;
+mod mixed;
 mod oren_nayar;
 mod phong;
 mod principled;
@@ -48,6 +49,7 @@ pub use ggx::Ggx;
 pub use hair::Hair;
 pub use lafortune::{Lafortune, LobeParam};
 pub use mirror::Mirror;
+pub use mixed::{MIXED_MAX, Mixed};
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;
 pub(crate) use principled::lifted;
@@ -132,6 +134,8 @@ pub enum Bsdf<'s> {
     Principled(&'s Principled<'s>),
     /// A fibre.
     Hair(Hair),
+    /// Several of these.
+    Mixed(&'s Mixed<'s>),
     /// Nothing comes back.
     Black,
 }
@@ -164,6 +168,7 @@ impl Bsdf<'_> {
             Bsdf::DiffuseTransmission(b) => b.eval_pdf(wo, wi),
             Bsdf::Principled(b) => b.eval_pdf(wo, wi),
             Bsdf::Hair(b) => b.eval_pdf(wo, wi),
+            Bsdf::Mixed(b) => b.eval_pdf(wo, wi),
             Bsdf::Mirror(_) | Bsdf::ThinDielectric(_) | Bsdf::Black => (Rgb::ZERO, 0.0),
         }
     }
@@ -187,6 +192,7 @@ impl Bsdf<'_> {
             Bsdf::DiffuseTransmission(b) => b.sample(wo, u_lobe, u),
             Bsdf::Principled(b) => b.sample(wo, u_lobe, u),
             Bsdf::Hair(b) => b.sample(wo, u_lobe, u),
+            Bsdf::Mixed(b) => b.sample(wo, u_lobe, u),
             Bsdf::Black => None,
         }
     }
@@ -200,6 +206,7 @@ impl Bsdf<'_> {
             Bsdf::Conductor(b) => b.is_delta(),
             Bsdf::CoatedConductor(b) => b.is_delta(),
             Bsdf::Principled(b) => b.is_delta(),
+            Bsdf::Mixed(b) => b.is_delta(),
             _ => false,
         }
     }
@@ -211,6 +218,7 @@ impl Bsdf<'_> {
             Bsdf::Conductor(b) => Reach::Mirrored(b.narrowness()),
             Bsdf::CoatedConductor(b) => Reach::Mirrored(b.narrowness()),
             Bsdf::Principled(b) => b.reach(),
+            Bsdf::Mixed(b) => b.reach(),
             Bsdf::Dielectric(_) | Bsdf::Hair(_) => Reach::Anywhere,
             _ => Reach::Cosine,
         }
@@ -235,6 +243,7 @@ impl Bsdf<'_> {
             Bsdf::DiffuseTransmission(b) => b.albedo(),
             Bsdf::Principled(b) => b.albedo(wo),
             Bsdf::Hair(b) => b.albedo(wo),
+            Bsdf::Mixed(b) => b.albedo(wo),
             Bsdf::Black => Rgb::ZERO,
         }
     }
@@ -248,6 +257,7 @@ impl Bsdf<'_> {
             | Bsdf::DiffuseTransmission(_)
             | Bsdf::Hair(_) => true,
             Bsdf::Principled(b) => b.transmits(),
+            Bsdf::Mixed(b) => b.transmits(),
             _ => false,
         }
     }

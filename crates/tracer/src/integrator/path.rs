@@ -115,7 +115,6 @@ pub fn sample(
     sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
-    sampler.split(split);
     let mut others = [Rgb::ZERO; SPLIT_MAX as usize];
     let others = &mut others[1..split as usize];
     let mut gathered = Gathered::NOTHING;
@@ -163,7 +162,7 @@ impl Follower<'_> {
             if carried.depth >= self.max_depth && gathered.seen_first {
                 break;
             }
-            let numbers = sampler.bounce(scene.geometry.level);
+            let mut numbers = sampler.bounce(scene.geometry.level);
             let slots = Slots::default();
             let others = std::mem::take(&mut others);
             let Some(shading) =
@@ -182,7 +181,10 @@ impl Follower<'_> {
                 break;
             }
             if !others.is_empty() {
-                carried = carried.part(others.len() as u32 + 1);
+                let split = others.len() as u32 + 1;
+                carried = carried.part(split);
+                sampler.split(split);
+                numbers = sampler.part(0).bounce(scene.geometry.level);
                 for (i, other) in others.iter_mut().enumerate() {
                     let mut sampler = sampler.part(i as u32 + 1);
                     let numbers = sampler.bounce(scene.geometry.level);

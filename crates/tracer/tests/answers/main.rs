@@ -20,6 +20,7 @@ mod furnace;
 mod irradiance;
 mod lights;
 mod media;
+mod mixes;
 mod motion;
 mod normal_maps;
 mod penumbra;

@@ -132,3 +132,29 @@ fn the_choice_pays() {
     let (chosen, one) = (compiled(&edges, 1, None), compiled(&edges, 1, Some(1)));
     assert_eq!(rays(&chosen, 4), rays(&one, 4));
 }
+
+/// Samples differ in what they see of a surface that is half not there. If those of a pixel all took the
+/// same half, because numbers drawn before paths are split are only every second or fourth of a
+/// sequence, splitting would make noise instead of less.
+#[test]
+fn choices_before_the_split_stay_spread() {
+    let mut desc = blank(32, 32);
+    desc.camera.transform = Motion::fixed(look([0.0, 3.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0]));
+    let a = desc.material(diffuse(0.8));
+    let b = desc.material(BsdfDesc::Interface);
+    let amount = FloatTex::Const(0.5);
+    let cut_out = BsdfDesc::Mix { a, b, amount };
+    desc.place(Shape::Rectangle, horizontal([0.0; 3], 4.0, 4.0), cut_out);
+    let below = horizontal([0.0, -1.0, 0.0], 40.0, 40.0);
+    desc.place(Shape::Rectangle, below, diffuse(0.1));
+    desc.lights.push(sky(1.0));
+    let noise = |split| {
+        let [a, b] = [1, 2].map(|seed| Picture::of(&compiled(&desc, seed, Some(split)), 16));
+        difference(&a, &b)
+    };
+    let (one, two, four) = (noise(1), noise(2), noise(4));
+    assert!(
+        two < 1.1 * one && four < 1.1 * one,
+        "variance {one} with one, {two} with two, {four} with four"
+    );
+}

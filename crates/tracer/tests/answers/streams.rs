@@ -222,7 +222,12 @@ fn some_scene(rng: &mut StdRng) -> SceneDesc {
             glam::DQuat::from_scaled_axis(turn * 2.0),
             center,
         );
-        let bsdf = some_material(rng);
+        let mut bsdf = some_material(rng);
+        if rng.random_bool(0.2) {
+            let [a, b] = [bsdf, some_material(rng)].map(|part| desc.material(part));
+            let amount = FloatTex::Const(0.4);
+            bsdf = BsdfDesc::Mix { a, b, amount };
+        }
         let primitive = desc.place(shape, transform, bsdf);
         primitive.reverse_orientation = rng.random_bool(0.2);
     }

@@ -296,7 +296,7 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
             slot: place.slot + part,
             ..place
         };
-        if part > 0 {
+        if split > 1 {
             draw_one(wave, paths, place);
         }
         let numbers = paths.numbers(place);

@@ -155,10 +155,9 @@ impl Paths {
         let pixel = self.pixels.len() as u32;
         let split = self.split as u32;
         for index in samples {
-            for part in 0..split {
+            for _ in 0..split {
                 self.index[self.len] = index;
-                let of_events = sampler::index_of_part(index, split, part);
-                self.reversed[self.len] = of_events.reverse_bits();
+                self.reversed[self.len] = index.reverse_bits();
                 self.pixel[self.len] = pixel;
                 self.len += 1;
             }
@@ -217,9 +216,13 @@ impl Paths {
             if place.slot != first.slot {
                 continue;
             }
-            let carried = self.carried(first).part(self.split as u32);
+            let split = self.split as u32;
+            let carried = self.carried(first).part(split);
             let first = first.slot as usize;
             for slot in first..first + self.split {
+                let part = (slot - first) as u32;
+                let of_part = sampler::index_of_part(self.index[slot], split, part);
+                self.reversed[slot] = of_part.reverse_bits();
                 self.carried[slot] = carried_row(&carried);
                 self.last[slot] = self.last[first];
                 self.point[slot] = self.point[first];
