@@ -463,11 +463,11 @@ impl Materials {
             bsdf(0)?
         } else {
             let wo = frame.to_local(wo);
-            let mut mixed = Mixed::new();
-            for nth in 0..leaves.len {
-                mixed.push(bsdf(nth)?, leaves.of[nth].1, wo);
+            let mut parts = [(Bsdf::Black, 0.0); MIXED_MAX];
+            for (nth, part) in parts[..leaves.len].iter_mut().enumerate() {
+                *part = (bsdf(nth)?, leaves.of[nth].1);
             }
-            mixed.finish();
+            let mixed = Mixed::new(&parts[..leaves.len], wo);
             Bsdf::Mixed(slots.mixed.get_or_init(|| mixed))
         };
         Some(Shading {
@@ -491,8 +491,7 @@ impl Materials {
         loop {
             match &self.list[material].desc {
                 BsdfDesc::Mix { a, b, amount } => {
-                    // The maximum is 0 where the texture is not a number.
-                    let of_b = textures.float(amount, &it.point).max(0.0).min(1.0);
+                    let of_b = textures.float(amount, &it.point).clamp(0.0, 1.0);
                     let of_a = 1.0 - of_b;
                     if of_a > 0.0 && of_b > 0.0 {
                         self.add_leaves(textures, it, b.index(), share * of_b, leaves);
@@ -514,6 +513,28 @@ impl Materials {
     /// Whether rays always pass a surface of this material as if it were not there.
     pub fn is_interface(&self, material: u32) -> bool {
         matches!(self.list[material as usize].desc, BsdfDesc::Interface)
+    }
+
+    /// Whether rays may pass a surface of this material as if it were not there.
+    pub fn may_be_nothing(&self, material: u32) -> bool {
+        // Materials refer to earlier ones only.
+        let mut asked = vec![material as usize];
+        let mut next = 0;
+        while let Some(at) = asked.get(next) {
+            let inner = match &self.list[*at].desc {
+                BsdfDesc::Interface => return true,
+                BsdfDesc::Mix { a, b, .. } => [a.index(), b.index()],
+                BsdfDesc::TwoSided { inner } => [inner.index(); 2],
+                _ => [*at; 2],
+            };
+            for inner in inner {
+                if !asked.contains(&inner) {
+                    asked.push(inner);
+                }
+            }
+            next += 1;
+        }
+        false
     }
 
     /// Follows mixes down to a material of its own.

@@ -23,7 +23,7 @@ pub fn render_unit(
     stop: &StopFlag,
 ) -> Option<(SampleBuffer, Counters)> {
     match scene.integrator {
-        Integrator::Path { max_depth } if !scene.has_media => {
+        Integrator::Path { max_depth } if !scene.is_foggy => {
             render_stream(scene, unit, max_depth, stop)
         }
         _ => render_singly(scene, unit, stop),
@@ -189,7 +189,7 @@ fn render_sample(
     }
     let (ray, weight) = camera_ray(scene, pixel, sampler);
     match &scene.integrator {
-        Integrator::Path { max_depth } if scene.has_media => {
+        Integrator::Path { max_depth } if scene.is_foggy => {
             let limits = volpath::Limits {
                 events: *max_depth,
                 deltas: None,

@@ -33,6 +33,9 @@ pub struct Scene {
     pub media: Arc<Media>,
     /// Whether anything lies there: rays must then know where they are.
     pub has_media: bool,
+    /// Whether rays may meet them without having met a surface first: the camera is inside one, or there are
+    /// borders that are no surfaces.
+    pub is_foggy: bool,
     /// The view.
     pub camera: Arc<Camera>,
     /// How much of a surface a pixel covers.
@@ -118,6 +121,12 @@ impl Scene {
             + self.media.memory_bytes()
             + self.lights.lights.len() * size_of::<Light>()
             + self.stream.memory_bytes()
+    }
+
+    /// Whether a hit surface is the border of a medium.
+    #[inline]
+    pub fn leads_to_media(&self, hit: &Hit) -> bool {
+        self.has_media && self.geometry.surface_of(hit).media.is_some()
     }
 
     /// The closest hit.

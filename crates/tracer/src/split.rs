@@ -94,7 +94,7 @@ impl Splits {
             return Ok(Splits::default());
         };
         // A bound on what a path carries would bound less of the parts of a path.
-        if scene.has_media || max_depth == 0 || scene.clamp_indirect < f32::INFINITY {
+        if scene.is_foggy || max_depth == 0 || scene.clamp_indirect < f32::INFINITY {
             return Ok(Splits::default());
         }
         let size = scene.full_size;

@@ -29,36 +29,30 @@ struct Part<'s> {
 }
 
 impl<'s> Mixed<'s> {
-    /// Nothing yet.
-    pub fn new() -> Mixed<'s> {
+    /// At most [`MIXED_MAX`] parts with their shares, which are 1 together, seen from `wo`.
+    pub fn new(of: &[(Bsdf<'s>, f32)], wo: Vec3) -> Mixed<'s> {
         let nothing = Part {
             bsdf: Bsdf::Black,
             share: 0.0,
             chance: 0.0,
         };
-        Mixed {
+        let mut mixed = Mixed {
             parts: [nothing; MIXED_MAX],
-            len: 0,
-        }
-    }
-
-    /// Adds a part, of [`MIXED_MAX`] at most, as seen from `wo`; all shares together are 1.
-    pub fn push(&mut self, bsdf: Bsdf<'s>, share: f32, wo: Vec3) {
-        let chance = share * (bsdf.albedo(wo).max_element().min(1.0) + ALBEDO_MIN);
-        self.parts[self.len] = Part {
-            bsdf,
-            share,
-            chance,
+            len: of.len(),
         };
-        self.len += 1;
-    }
-
-    /// To be called when all parts are there.
-    pub fn finish(&mut self) {
-        let sum: f32 = self.parts().iter().map(|p| p.chance).sum();
-        for part in &mut self.parts[..self.len] {
+        for (part, (bsdf, share)) in mixed.parts.iter_mut().zip(of) {
+            let reflected = bsdf.albedo(wo).max_element().min(1.0);
+            *part = Part {
+                bsdf: *bsdf,
+                share: *share,
+                chance: share * (reflected + ALBEDO_MIN),
+            };
+        }
+        let sum: f32 = mixed.parts().iter().map(|part| part.chance).sum();
+        for part in &mut mixed.parts[..of.len()] {
             part.chance /= sum;
         }
+        mixed
     }
 
     fn parts(&self) -> &[Part<'s>] {

@@ -44,12 +44,8 @@ fn coat(ior: f32, alpha: f32, thickness: f32) -> &'static CoatTable {
 }
 
 /// A mix of models with their shares.
-fn mixed(parts: &[(f32, Bsdf<'static>)]) -> Bsdf<'static> {
-    let mut mixed = Mixed::new();
-    for (share, bsdf) in parts {
-        mixed.push(*bsdf, *share, Vec3::new(0.6, 0.0, 0.8));
-    }
-    mixed.finish();
+fn mixed(parts: &[(Bsdf<'static>, f32)]) -> Bsdf<'static> {
+    let mixed = Mixed::new(parts, Vec3::new(0.6, 0.0, 0.8));
     Bsdf::Mixed(Box::leak(Box::new(mixed)))
 }
 
@@ -152,27 +148,27 @@ fn cases() -> Vec<Case> {
         (
             "mixed, diffuse and metal",
             mixed(&[
-                (0.7, Bsdf::Diffuse(Diffuse::new(colour))),
-                (0.3, Bsdf::Conductor(Conductor::new(eta, k, 0.1, 0.1))),
+                (Bsdf::Diffuse(Diffuse::new(colour)), 0.7),
+                (Bsdf::Conductor(Conductor::new(eta, k, 0.1, 0.1)), 0.3),
             ]),
         ),
         (
             "mixed, with a mirror",
             mixed(&[
-                (0.2, Bsdf::OrenNayar(OrenNayar::new(grey(0.8), 30.0))),
-                (0.5, Bsdf::Mirror(Mirror::new(grey(0.9)))),
-                (0.2, coated(1.5, 0.3, 0.5, colour)),
-                (0.1, Bsdf::Diffuse(Diffuse::new(grey(0.0)))),
+                (Bsdf::OrenNayar(OrenNayar::new(grey(0.8), 30.0)), 0.2),
+                (Bsdf::Mirror(Mirror::new(grey(0.9))), 0.5),
+                (coated(1.5, 0.3, 0.5, colour), 0.2),
+                (Bsdf::Diffuse(Diffuse::new(grey(0.0))), 0.1),
             ]),
         ),
         (
             "mixed, paper and metal",
             mixed(&[
                 (
-                    0.6,
                     Bsdf::DiffuseTransmission(DiffuseTransmission::new(grey(0.2), grey(0.6))),
+                    0.6,
                 ),
-                (0.4, Bsdf::Conductor(Conductor::new(eta, k, 0.4, 0.4))),
+                (Bsdf::Conductor(Conductor::new(eta, k, 0.4, 0.4)), 0.4),
             ]),
         ),
     ]

@@ -4,7 +4,7 @@
 //! What happens at a vertex is here, in the order in which it must be rounded; [`sample`] does it for one
 //! path, `stream` for many side by side.
 
-use super::{First, PASS_MAX, from_infinity, power_heuristic, sky_alpha};
+use super::{First, PASS_MAX, from_infinity, power_heuristic, sky_alpha, volpath};
 use crate::geometry::Interaction;
 use crate::light::Aim;
 use crate::material::{Shading, Slots};
@@ -153,6 +153,12 @@ impl Follower<'_> {
             let hit = scene.geometry.closest(&ray);
             if !hit.is_some() {
                 escape(scene, &ray, &carried, gathered);
+                break;
+            }
+            if scene.leads_to_media(&hit) {
+                let (max_depth, counters) = (self.max_depth, &mut *self.counters);
+                let met = (ray, hit);
+                volpath::go_on(scene, met, &carried, max_depth, gathered, sampler, counters);
                 break;
             }
             let mut it = Interaction::NONE;

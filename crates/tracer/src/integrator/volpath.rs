@@ -1,5 +1,6 @@
-//! The path tracer for scenes with participating media: [`super::path`] with flights between surfaces
-//! that may scatter, absorb and shine. Scenes without media never come here.
+//! The path tracer where there are participating media: [`super::path`] with flights between surfaces
+//! that may scatter, absorb and shine. Where media lie only behind surfaces, paths come here when they meet
+//! one of those, and stay to their end; scenes without media never come here.
 //!
 //! Lights are sampled through media and through borders without a surface (interfaces); a shadow ray
 //! carries the transmittance, and the density with which a flight would have passed the same way, so
@@ -8,7 +9,7 @@
 //! [`crate::medium::track`]). A scattering event in a medium counts as one of the path's events, but for
 //! those inside a translucent body: the whole walk from entering it to leaving it counts as one.
 
-use super::path::{ROULETTE_FACTOR, ROULETTE_FROM, bounded, hidden_sky};
+use super::path::{self, Gathered, ROULETTE_FACTOR, ROULETTE_FROM, bounded, hidden_sky};
 use super::{First, Passing, sky_alpha};
 use crate::bsdf::Bsdf;
 use crate::geometry::{Interaction, Surface};
@@ -19,7 +20,7 @@ use crate::material::Slots;
 use crate::math::{Rgb, dot, length, mean};
 use crate::medium::track::{self, Carried, Flight, Shadow};
 use crate::medium::{FAR, Medium, phase};
-use crate::ray::{NONE, Ray};
+use crate::ray::{Hit, NONE, Ray};
 use crate::sampler::{BounceNumbers, Sampler};
 use crate::scene::Scene;
 use film::{Counters, LayerSample};
@@ -74,32 +75,100 @@ fn beyond(sides: Option<[u32; 2]>, it: &Interaction, w: Vec3, current: u32) -> u
 /// Radiance along a camera ray.
 pub fn sample(
     scene: &Scene,
-    mut ray: Ray,
+    ray: Ray,
     limits: Limits,
     sampler: &mut Sampler,
     counters: &mut Counters,
 ) -> LayerSample {
+    let mut gathered = Gathered::NOTHING;
+    let medium = scene.media.camera.unwrap_or(NONE);
+    let carried = path::Carried::start(&ray);
+    let start = Start {
+        ray,
+        hit: None,
+        medium,
+        carried: &carried,
+    };
+    follow(scene, start, limits, &mut gathered, sampler, counters);
+    gathered.first.with(gathered.radiance)
+}
+
+/// Goes on with a path outside of all media whose ray has hit a surface that media lie behind.
+pub(super) fn go_on(
+    scene: &Scene,
+    (ray, hit): (Ray, Hit),
+    carried: &path::Carried,
+    max_depth: u32,
+    gathered: &mut Gathered,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) {
+    let start = Start {
+        ray,
+        hit: Some(hit),
+        medium: NONE,
+        carried,
+    };
+    let limits = Limits {
+        events: max_depth,
+        deltas: None,
+    };
+    follow(scene, start, limits, gathered, sampler, counters);
+}
+
+/// Where a path begins here.
+struct Start<'a> {
+    ray: Ray,
+    /// The ray's hit, if that is known (and counted) already.
+    hit: Option<Hit>,
+    medium: u32,
+    carried: &'a path::Carried,
+}
+
+fn follow(
+    scene: &Scene,
+    start: Start,
+    limits: Limits,
+    gathered: &mut Gathered,
+    sampler: &mut Sampler,
+    counters: &mut Counters,
+) {
     let hero = ((sampler.next_1d() * 3.0) as usize).min(2);
-    let mut medium = scene.media.camera.unwrap_or(NONE);
-    let mut radiance = Rgb::ZERO;
-    let mut carried = Carried::START;
-    let mut first = First::NOTHING;
-    let mut seen_first = false;
-    let (mut depth, mut deltas) = (0, 0);
+    let Start {
+        mut ray,
+        hit: mut known,
+        mut medium,
+        carried: before,
+    } = start;
+    let mut carried = Carried {
+        beta: before.throughput,
+        unidirectional: Rgb::ONE,
+        light: Rgb::splat(before.last_pdf.map_or(1.0, |pdf| 1.0 / pdf)),
+    };
+    let Gathered {
+        radiance,
+        first,
+        seen_first,
+        travelled,
+        ..
+    } = gathered;
+    let (mut depth, mut deltas) = (before.depth, 0);
     // Events inside translucent bodies.
     let mut walk = 0;
     let mut passing = Passing::new();
     // The surface or the point of a medium that the ray left.
     let mut from = ray.origin;
-    let mut travelled = 0.0;
     // Whether the last direction could have been sampled from lights, and the vertex it left from.
-    let mut by_lights = false;
-    let (mut last_p, mut last_aim) = (ray.origin, Aim::ANYWHERE);
-    let mut eta_scale = 1.0f32;
+    let mut by_lights = before.last_pdf.is_some();
+    let (mut last_p, mut last_aim) = (before.last_p, before.last_aim);
+    // Parts of a path live as long as the whole would.
+    let mut eta_scale = before.eta_scale * before.split;
 
     loop {
-        counters.rays += 1;
-        let hit = scene.geometry.closest(&ray);
+        let hit = known.take().unwrap_or_else(|| {
+            counters.rays += 1;
+            scene.geometry.closest(&ray)
+        });
         let scale = length(ray.direction);
         if let Some(m) = scene.media.get(medium) {
             let end = if hit.is_some() { hit.t * scale } else { FAR };
@@ -120,21 +189,21 @@ pub fn sample(
                 &mut own,
             );
             if own != Rgb::ZERO {
-                radiance += bounded(scene, own, depth);
+                *radiance += bounded(scene, own, depth);
             }
             match flight {
                 Flight::Passed => {}
                 Flight::Ended => break,
                 Flight::Scattered { distance, at } => {
                     let p = begin + d * distance;
-                    if !seen_first {
-                        seen_first = true;
+                    if !*seen_first {
+                        *seen_first = true;
                         let t = at.t();
-                        first = First {
+                        *first = First {
                             alpha: 1.0,
                             albedo: Rgb::select(t.cmpgt(Rgb::ZERO), at.s / t, Rgb::ZERO),
                             normal: Vec3::ZERO,
-                            depth: travelled + distance,
+                            depth: *travelled + distance,
                         };
                     }
                     carried.normalize();
@@ -167,7 +236,7 @@ pub fn sample(
                         time: ray.time,
                     };
                     let l = light(scene, vertex, medium, &carried, &numbers, sampler, counters);
-                    radiance += bounded(scene, l, depth);
+                    *radiance += bounded(scene, l, depth);
                     let (wi, pdf) = phase::sample(m.g, d, numbers.bsdf);
                     if !survives(&mut carried, eta_scale, depth, numbers.roulette) {
                         break;
@@ -183,7 +252,7 @@ pub fn sample(
         }
         if !hit.is_some() {
             if depth == 0 && deltas == 0 {
-                if !seen_first {
+                if !*seen_first {
                     // A medium covers as much as it takes away.
                     let left = mean(carried.beta) / mean(carried.unidirectional);
                     let sky = sky_alpha(scene);
@@ -194,7 +263,7 @@ pub fn sample(
                 }
             }
             let l = from_infinity(scene, &ray, &carried, by_lights);
-            radiance += bounded(scene, l, depth);
+            *radiance += bounded(scene, l, depth);
             break;
         }
         let it = scene.interaction(&ray, &hit);
@@ -206,7 +275,7 @@ pub fn sample(
                 density += carried.light * scene.lights.pdf_area(last_p, last_aim, &it);
             }
             let l = carried.beta * le * (1.0 / mean(density));
-            radiance += bounded(scene, l, depth);
+            *radiance += bounded(scene, l, depth);
         }
         let surface: &Surface = scene.geometry.surface_of(&hit);
         let numbers = sampler.bounce(scene.geometry.level);
@@ -220,15 +289,15 @@ pub fn sample(
             let Some(origin) = passing.pass(&it, &hit, ray.direction) else {
                 break;
             };
-            travelled += hit.t * scale;
+            *travelled += hit.t * scale;
             medium = beyond(surface.media, &it, ray.direction, medium);
             ray.origin = origin;
             from = it.p;
             continue;
         };
-        if !seen_first {
-            seen_first = true;
-            first = First::surface(&it, &shading, wo, travelled + hit.t * scale);
+        if !*seen_first {
+            *seen_first = true;
+            *first = First::surface(&it, &shading, wo, *travelled + hit.t * scale);
         }
         let border = match scene.media.get(medium) {
             Some(Medium {
@@ -271,7 +340,7 @@ pub fn sample(
                 sides: surface.media,
             };
             let l = light(scene, vertex, medium, &carried, &numbers, sampler, counters);
-            radiance += bounded(scene, l, depth);
+            *radiance += bounded(scene, l, depth);
         }
         let Some(s) = shading.sample(wo_local, numbers.lobe, numbers.bsdf) else {
             break;
@@ -294,7 +363,6 @@ pub fn sample(
         ray = it.spawn(wi);
         from = it.p;
     }
-    first.with(radiance)
 }
 
 /// Russian roulette on what the path still carries.

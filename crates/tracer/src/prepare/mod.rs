@@ -10,6 +10,7 @@ mod trees;
 use crate::accel::{Few, Geometry, SimdLevel};
 use crate::camera::Camera;
 use crate::camera::filter::FilterSampler;
+use crate::geometry::Surface;
 use crate::integrator::stream::Tables;
 use crate::light::{Goniometric, Light, Lights, Projection, environment::Environment};
 use crate::material::Materials;
@@ -92,6 +93,12 @@ fn compile(
     // What the preparation looked at need not stay.
     let textures = textures.view();
     let has_media = media.camera.is_some() || surfaces.iter().any(|s| s.media.is_some());
+    let lets_in = |s: &Surface| match s.media {
+        Some(_) => materials.may_be_nothing(s.material),
+        // It may shine. Where rays know about media they go on to lamps behind it.
+        None => materials.is_interface(s.material),
+    };
+    let is_foggy = has_media && (media.camera.is_some() || surfaces.iter().any(lets_in));
     let has_alpha = surfaces.iter().any(|s| s.alpha.is_some());
     let few = if has_alpha {
         None
@@ -122,6 +129,7 @@ fn compile(
         lights: Arc::new(lights),
         media: Arc::new(media),
         has_media,
+        is_foggy,
         view: camera.pixel_view([film.width, film.height]),
         camera: Arc::new(camera),
         filter: Arc::new(FilterSampler::new(&film.filter)),

@@ -5,7 +5,7 @@ use crate::common::*;
 use glam::{DAffine3, DVec3};
 use scene::model::*;
 use std::sync::Arc;
-use testkit::Moments;
+use testkit::{Moments, ttest};
 
 /// Adds a medium.
 fn medium(desc: &mut SceneDesc, sigma_a: [f32; 3], sigma_s: [f32; 3]) -> MediumId {
@@ -405,4 +405,78 @@ fn broken_grids_are_refused() {
         error.contains("\"fog\"") && error.contains("absorption"),
         "{error}"
     );
+}
+
+/// Milk in rough glass on a floor, a lamp beside it and one inside, paper around a lamp with smoke.
+fn bottles() -> SceneDesc {
+    let mut desc = blank(24, 24);
+    desc.camera.projection = perspective(50.0, None);
+    desc.camera.transform = Motion::fixed(look([0.0, 1.2, 4.0], [0.0, 0.5, 0.0], [0.0, 1.0, 0.0]));
+    let milk = medium(&mut desc, [0.05, 0.2, 0.8], [1.5, 1.0, 0.5]);
+    let smoke = medium(&mut desc, SIGMA, [0.4; 3]);
+    let floor = horizontal([0.0; 3], 3.0, 3.0);
+    desc.place(Shape::Rectangle, floor, diffuse(0.7));
+    let mut rough = glass();
+    if let BsdfDesc::Dielectric { roughness, .. } = &mut rough {
+        (roughness.u, roughness.v) = (FloatTex::Const(0.2), FloatTex::Const(0.2));
+    }
+    let paper = BsdfDesc::DiffuseTransmission {
+        reflectance: grey(0.3),
+        transmittance: grey(0.6),
+    };
+    for (x, bsdf, inside) in [
+        (-0.8, glass(), milk),
+        (0.0, rough, milk),
+        (0.8, paper, smoke),
+    ] {
+        let body = desc.place(Shape::Sphere { radius: 0.4 }, at(x, 0.45, 0.0), bsdf);
+        body.media = Some(MediumInterface {
+            inside: Some(inside),
+            outside: None,
+        });
+        let lamp = desc.place(
+            Shape::Sphere { radius: 0.1 },
+            at(x, 0.45, 0.0),
+            diffuse(0.0),
+        );
+        lamp.emission = shining(3.0);
+    }
+    desc.lights.push(sky(0.5));
+    desc
+}
+
+/// Paths outside of all media are those of scenes without any, until they meet the border of one: the same
+/// light as if they always looked out for media, also if they are split on the way.
+#[test]
+fn media_behind_surfaces_need_no_search() {
+    let desc = bottles();
+    let mut foggy = desc.clone();
+    // Far from everything, and nothing but a reason to look out.
+    let far = medium(&mut foggy, SIGMA, [0.0; 3]);
+    let border = ball(&mut foggy, 0.5, BsdfDesc::Interface, far);
+    border.transform = Motion::fixed(at(0.0, 0.0, 500.0));
+    let (plain, foggy) = [&desc, &foggy]
+        .map(|d| compile(d, &Default::default(), 3, 2))
+        .into();
+    assert!(!plain.is_foggy && foggy.is_foggy);
+    let expected = Picture::of(&foggy, 1024);
+    for split in [None, Some(1), Some(4)] {
+        let mut scene = compile(&desc, &Default::default(), 5, 2);
+        if let Some(split) = split {
+            scene.set_split(split);
+        }
+        let picture = Picture::of(&scene, 1024);
+        for c in 0..3 {
+            let differences: Moments = (picture.rgb.iter().zip(&expected.rgb))
+                .map(|(a, b)| a[c] - b[c])
+                .collect();
+            let what = format!("split {split:?}, channel {c}");
+            assert!(
+                differences.error() < 2e-3,
+                "{what}: {}",
+                differences.error()
+            );
+            ttest::assert_mean(&what, &differences, 0.0, LEVEL);
+        }
+    }
 }

@@ -44,7 +44,7 @@ fn diffuse_parts_add_up_without_noise() {
     let picture = render(&desc, 4);
     for rgb in &picture.rgb {
         let error = rgb[1] / expected - 1.0;
-        assert!(error.abs() < f64::from(ROUNDING), "{} : {expected}", rgb[1]);
+        assert!(error.abs() < ROUNDING, "{} : {expected}", rgb[1]);
     }
 }
 
@@ -58,7 +58,7 @@ fn amounts_beyond_their_range_are_all_or_nothing() {
         });
         for rgb in &render(&desc, 2).rgb {
             let error = rgb[1] / expected - 1.0;
-            assert!(error.abs() < f64::from(ROUNDING), "{amount}: {}", rgb[1]);
+            assert!(error.abs() < ROUNDING, "{amount}: {}", rgb[1]);
         }
     }
 }

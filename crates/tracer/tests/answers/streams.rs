@@ -111,6 +111,23 @@ fn some_material(rng: &mut StdRng) -> BsdfDesc {
     }
 }
 
+/// A medium on one side of a surface.
+fn some_medium(rng: &mut StdRng, desc: &mut SceneDesc) -> MediumInterface {
+    desc.media.push(Medium {
+        name: String::new(),
+        sigma_a: [0.1, 0.5, 1.0],
+        sigma_s: pick(rng, &[[0.0; 3], [2.0, 1.0, 0.5]]),
+        emission: pick(rng, &[[0.0; 3], [0.5; 3]]),
+        g: 0.3,
+        grid: None,
+        translucent: None,
+    });
+    MediumInterface {
+        inside: Some(MediumId(desc.media.len() as u32 - 1)),
+        outside: None,
+    }
+}
+
 fn some_shape(rng: &mut StdRng, desc: &mut SceneDesc) -> Shape {
     match rng.random_range(0..6) {
         0 => Shape::Rectangle,
@@ -228,8 +245,11 @@ fn some_scene(rng: &mut StdRng) -> SceneDesc {
             let amount = FloatTex::Const(0.4);
             bsdf = BsdfDesc::Mix { a, b, amount };
         }
+        let is_border = rng.random_bool(0.15);
+        let media = is_border.then(|| some_medium(rng, &mut desc));
         let primitive = desc.place(shape, transform, bsdf);
         primitive.reverse_orientation = rng.random_bool(0.2);
+        primitive.media = media;
     }
     for _ in 0..rng.random_range(0..4) {
         let shape = pick(rng, &[0, 1, 2]);

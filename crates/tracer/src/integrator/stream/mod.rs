@@ -27,7 +27,7 @@ pub(crate) use paths::PixelOf;
 pub(crate) use pilot::{PILOT_PIXELS, Pilot};
 pub(crate) use tables::Tables;
 
-use super::path;
+use super::{path, volpath};
 use crate::StopFlag;
 use crate::bsdf::Bsdf;
 use crate::geometry::Interaction;
@@ -35,7 +35,7 @@ use crate::material::Slots;
 use crate::math::Rgb;
 use crate::ray::NONE;
 use crate::render::SamplesOf;
-use crate::sampler::{PixelPoints, Sampler};
+use crate::sampler::PixelPoints;
 use crate::scene::Scene;
 use film::{Columns, Counters, SampleBuffer};
 use paths::{Lists, Paths, Place};
@@ -249,6 +249,22 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
     let (ray, hit) = (paths.ray(place), paths.hit(place));
     let carried = paths.carried(place);
     let mut gathered = paths.gathered(place);
+    if scene.leads_to_media(&hit) {
+        let mut points = PixelPoints::new(scene.sampler, paths.pixel_key(place.slot));
+        let mut sampler = paths.sampler(place, wave.event, &mut points);
+        let (met, most) = ((ray, hit), wave.max_depth);
+        volpath::go_on(
+            scene,
+            met,
+            &carried,
+            most,
+            &mut gathered,
+            &mut sampler,
+            counters,
+        );
+        paths.set_gathered(place, &gathered);
+        return Model::Other;
+    }
     let mut it = Interaction::NONE;
     scene.find(&ray, &hit, &mut it);
     let wo = -ray.direction;
@@ -317,11 +333,7 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
 /// The numbers of an event, one path after another.
 fn draw_one(wave: &Wave, paths: &mut Paths, place: Place) {
     let mut points = PixelPoints::new(wave.scene.sampler, paths.pixel_key(place.slot));
-    let mut sampler = Sampler::at_event(
-        &mut points,
-        paths.reversed[place.slot as usize].reverse_bits(),
-        wave.event,
-    );
+    let mut sampler = paths.sampler(place, wave.event, &mut points);
     let numbers = sampler.bounce(wave.scene.geometry.level);
     paths.set_numbers(place, &numbers);
 }

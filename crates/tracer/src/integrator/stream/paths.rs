@@ -12,7 +12,7 @@ use crate::lanes::{Float, LANES, Row, Wide};
 use crate::light::Aim;
 use crate::math::Rgb;
 use crate::ray::{Hit, Ray};
-use crate::sampler::{self, BounceNumbers, LatticeKeys, PixelKey};
+use crate::sampler::{self, BounceNumbers, LatticeKeys, PixelKey, PixelPoints, Sampler};
 use glam::{Vec2, Vec3};
 use std::ops::Range;
 
@@ -270,6 +270,12 @@ impl Paths {
     #[inline(always)]
     pub fn pixel_key(&self, slot: u32) -> PixelKey {
         self.pixels[self.pixel[slot as usize] as usize].key
+    }
+
+    /// The numbers of a path from an event on, given the points of its pixel.
+    pub fn sampler<'p>(&self, place: Place, event: u32, of: &'p mut PixelPoints) -> Sampler<'p> {
+        let index = self.reversed[place.slot as usize].reverse_bits();
+        Sampler::at_event(of, index, event)
     }
 
     /// Index of a sample.

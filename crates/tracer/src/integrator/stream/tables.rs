@@ -104,8 +104,8 @@ impl Tables {
             let (model, params) = models[surface.material as usize];
             let [r, g, b, ..] = params[0].0;
             match model {
-                // What shines is looked at one by one.
-                _ if surface.shines() => (Model::Other, Rgb::ZERO),
+                // What shines, or leads to a medium, is looked at one by one.
+                _ if surface.shines() || surface.media.is_some() => (Model::Other, Rgb::ZERO),
                 Model::Diffuse => (model, Rgb::new(r, g, b)),
                 _ => (model, Rgb::new(f32::from_bits(surface.material), 0.0, 0.0)),
             }
