@@ -380,7 +380,7 @@ impl Materials {
     }
 
     /// The scattering function at a point seen from `wo`, or `None` where rays pass as if there were no
-    /// surface. `u` picks one of mixed materials; `slots` are fresh ones.
+    /// surface. `u` picks one of mixed materials that are no sum; `slots` are fresh ones.
     #[inline]
     pub fn shade<'s>(
         &'s self,
@@ -567,34 +567,61 @@ impl Materials {
         }
     }
 
-    /// Whether a surface of this material needs tangents or footprints, whatever a mix picks; and which
-    /// mixes are sums: those of a few materials that take the shading normal as it is.
+    /// Whether a surface of this material needs tangents or footprints, whatever a mix picks.
     fn propagate_needs(&mut self) {
-        const NEVER: usize = MIXED_MAX + 1;
-        let mut leaves = vec![1; self.list.len()];
         for i in 0..self.list.len() {
-            let material = &self.list[i];
-            let inner = match &material.desc {
-                BsdfDesc::Mix { a, b, .. } => vec![a.index(), b.index()],
-                BsdfDesc::TwoSided { inner } => vec![inner.index()],
-                desc => {
-                    let passes = matches!(desc, BsdfDesc::Interface);
-                    if passes || material.needs_tangents || material.refracts {
-                        leaves[i] = NEVER;
-                    }
-                    continue;
-                }
+            let inner = self.list[i].parts();
+            self.list[i].needs_tangents |= inner.iter().any(|j| self.list[*j].needs_tangents);
+        }
+    }
+
+    /// Finds the mixes that are sums: of a few materials that take the shading normal as it is. Where it
+    /// makes a difference what lights are chosen for (`by_aim`), only of those that lights are chosen for
+    /// alike: a highlight is worth more than the sum.
+    pub fn find_sums(&mut self, by_aim: bool) {
+        const NEVER: usize = MIXED_MAX + 1;
+        let mut leaves: Vec<usize> = Vec::with_capacity(self.list.len());
+        for material in &mut self.list {
+            let inner = material.parts();
+            let count = if inner.is_empty() {
+                let is_one = material.keeps_normal() && !(by_aim && material.aims());
+                if is_one { 1 } else { NEVER }
+            } else {
+                inner.iter().map(|j| leaves[*j]).sum::<usize>().min(NEVER)
             };
-            let needs_tangents = inner.iter().any(|j| self.list[*j].needs_tangents);
-            leaves[i] = inner.iter().map(|j| leaves[*j]).sum::<usize>().min(NEVER);
-            let material = &mut self.list[i];
-            material.needs_tangents |= needs_tangents;
-            material.is_sum = !material.needs_tangents && (2..NEVER).contains(&leaves[i]);
+            material.is_sum = !material.needs_tangents && (2..NEVER).contains(&count);
+            leaves.push(count);
         }
     }
 }
 
 impl Material {
+    /// What a mix refers to.
+    fn parts(&self) -> Vec<usize> {
+        match &self.desc {
+            BsdfDesc::Mix { a, b, .. } => vec![a.index(), b.index()],
+            BsdfDesc::TwoSided { inner } => vec![inner.index()],
+            _ => vec![],
+        }
+    }
+
+    /// Whether there is a surface, and its frame any about the surface's own normal.
+    fn keeps_normal(&self) -> bool {
+        !(matches!(self.desc, BsdfDesc::Interface) || self.needs_tangents || self.refracts)
+    }
+
+    /// Whether lights are chosen for other than by the cosine, see [`Bsdf::reach`].
+    fn aims(&self) -> bool {
+        matches!(
+            self.desc,
+            BsdfDesc::Conductor { .. }
+                | BsdfDesc::CoatedConductor { .. }
+                | BsdfDesc::Principled(_)
+                | BsdfDesc::Dielectric { .. }
+                | BsdfDesc::Hair { .. }
+        )
+    }
+
     /// The scattering function, where it takes nothing but the shading normal (which for glass must be the
     /// geometric one).
     pub(crate) fn plain_bsdf(&self) -> Option<&Bsdf<'static>> {

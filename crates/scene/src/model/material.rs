@@ -123,7 +123,7 @@ pub enum BsdfDesc {
         /// Fraction sent through.
         transmittance: ColorTex,
     },
-    /// Picks one of two by a weight.
+    /// Some of one and the rest of another.
     Mix {
         /// Where amount is 0.
         a: MaterialId,

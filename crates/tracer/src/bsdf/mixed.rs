@@ -59,6 +59,17 @@ impl<'s> Mixed<'s> {
         &self.parts[..self.len]
     }
 
+    /// The part with the largest share.
+    pub fn largest(&self) -> &Bsdf<'s> {
+        let mut largest = &self.parts[0];
+        for part in self.parts() {
+            if part.share > largest.share {
+                largest = part;
+            }
+        }
+        &largest.bsdf
+    }
+
     /// The sum.
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3) -> (Rgb, f32) {
         self.but(usize::MAX, wo, wi)

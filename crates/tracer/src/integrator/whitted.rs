@@ -3,6 +3,7 @@
 //! reflected and one refracted ray. It knows no media: they are looked through.
 
 use super::First;
+use crate::bsdf::Bsdf;
 use crate::geometry::Interaction;
 use crate::light::{AreaShape, Light, LightSample};
 use crate::material::Shading;
@@ -41,7 +42,14 @@ fn trace(
     let mut radiance = scene.emitted(&it, wo);
     // A mix has no place in this model: its larger part stands for it.
     let slots = Slots::default();
-    let Some(shading) = scene.materials.shade(&scene.textures, &it, wo, 0.5, &slots) else {
+    let shading = scene
+        .materials
+        .shade(&scene.textures, &it, wo, 0.5, &slots)
+        .map(|shading| match shading.bsdf {
+            Bsdf::Mixed(mixed) => shading.with(mixed.largest()),
+            _ => shading,
+        });
+    let Some(shading) = shading else {
         first.get_or_insert(First::bare(&it, hit.t));
         return radiance
             + if depth_left > 0 {

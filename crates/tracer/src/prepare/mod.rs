@@ -27,6 +27,10 @@ use film::TileGrid;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
+/// From so many lights on it matters more to a highlight that lights are chosen for it than to a mix that
+/// it is a sum: with 16 lamps above painted plastic the sum is a tenth better, with 1,800 a quarter worse.
+const MANY_LIGHTS: usize = 32;
+
 /// Compiles a description into a [`Scene`].
 pub fn prepare(
     desc: &SceneDesc,
@@ -90,6 +94,7 @@ fn compile(
     }
     let emissions = placed.emissions;
     let lights = Lights::new(lights, light_of, emissions, &textures, crate::simd());
+    materials.find_sums(lights.lights.len() > MANY_LIGHTS);
     // What the preparation looked at need not stay.
     let textures = textures.view();
     let has_media = media.camera.is_some() || surfaces.iter().any(|s| s.media.is_some());

@@ -136,3 +136,21 @@ fn parts_bring_what_they_bring_alone() {
     assert!(differences.error() < 2e-3, "{}", differences.error());
     ttest::assert_mean("mixed beside its parts", &differences, 0.0, LEVEL);
 }
+
+/// The basic ray tracer, which has no place for mixes, takes the larger part.
+#[test]
+fn the_larger_part_stands_for_all_in_the_basic_tracer() {
+    for (amount, expected) in [(0.7, 0.9), (0.3, 0.0)] {
+        let mut desc = floor(|desc| {
+            let a = desc.material(diffuse(0.5));
+            let b = desc.material(BsdfDesc::Mirror {
+                reflectance: grey(0.9),
+            });
+            mix(a, b, amount)
+        });
+        desc.integrator = Integrator::Whitted { max_depth: 4 };
+        for rgb in &render(&desc, 1).rgb {
+            assert!((rgb[1] - expected).abs() < ROUNDING, "{amount}: {}", rgb[1]);
+        }
+    }
+}
