@@ -155,16 +155,16 @@ impl Follower<'_> {
                 escape(scene, &ray, &carried, gathered);
                 break;
             }
+            let mut it = Interaction::NONE;
+            scene.find(&ray, &hit, &mut it);
+            let wo = -ray.direction;
+            shine(scene, &it, wo, &carried, gathered);
             if scene.leads_to_media(&hit) {
                 let (max_depth, counters) = (self.max_depth, &mut *self.counters);
                 let met = (ray, hit);
                 volpath::go_on(scene, met, &carried, max_depth, gathered, sampler, counters);
                 break;
             }
-            let mut it = Interaction::NONE;
-            scene.find(&ray, &hit, &mut it);
-            let wo = -ray.direction;
-            shine(scene, &it, wo, &carried, gathered);
             if carried.depth >= self.max_depth && gathered.seen_first {
                 break;
             }

@@ -93,7 +93,9 @@ pub fn sample(
     gathered.first.with(gathered.radiance)
 }
 
-/// Goes on with a path outside of all media whose ray has hit a surface that media lie behind.
+/// Goes on with a path outside of all media whose ray has hit a surface that media lie behind, and that has
+/// gathered what the surface gives off: its last vertex was weighed by the power heuristic, as this light
+/// must be.
 pub(super) fn go_on(
     scene: &Scene,
     (ray, hit): (Ray, Hit),
@@ -119,7 +121,7 @@ pub(super) fn go_on(
 /// Where a path begins here.
 struct Start<'a> {
     ray: Ray,
-    /// The ray's hit, if that is known (and counted) already.
+    /// The ray's hit, if that is known already, the ray counted and the light of its surface gathered.
     hit: Option<Hit>,
     medium: u32,
     carried: &'a path::Carried,
@@ -165,6 +167,7 @@ fn follow(
     let mut eta_scale = before.eta_scale * before.split;
 
     loop {
+        let is_gathered = known.is_some();
         let hit = known.take().unwrap_or_else(|| {
             counters.rays += 1;
             scene.geometry.closest(&ray)
@@ -269,7 +272,7 @@ fn follow(
         let it = scene.interaction(&ray, &hit);
         let wo = ray.direction * (-1.0 / scale);
         let le = scene.emitted(&it, wo);
-        if le != Rgb::ZERO {
+        if le != Rgb::ZERO && !is_gathered {
             let mut density = carried.unidirectional;
             if by_lights && it.light != NONE {
                 density += carried.light * scene.lights.pdf_area(last_p, last_aim, &it);

@@ -407,7 +407,7 @@ fn broken_grids_are_refused() {
     );
 }
 
-/// Milk in rough glass on a floor, a lamp beside it and one inside, paper around a lamp with smoke.
+/// Milk in smooth and in rough glass, smoke in paper, a lamp in each of them and a lamp full of smoke above.
 fn bottles() -> SceneDesc {
     let mut desc = blank(24, 24);
     desc.camera.projection = perspective(50.0, None);
@@ -441,7 +441,17 @@ fn bottles() -> SceneDesc {
         );
         lamp.emission = shining(3.0);
     }
-    desc.lights.push(sky(0.5));
+    // A lamp that is a border itself, big and near: both ways to its light count.
+    let globe = desc.place(
+        Shape::Sphere { radius: 0.5 },
+        at(0.0, 1.2, -1.0),
+        diffuse(0.2),
+    );
+    globe.emission = shining(2.0);
+    globe.media = Some(MediumInterface {
+        inside: Some(smoke),
+        outside: None,
+    });
     desc
 }
 
@@ -479,4 +489,46 @@ fn media_behind_surfaces_need_no_search() {
             ttest::assert_mean(&what, &differences, 0.0, LEVEL);
         }
     }
+}
+
+/// A lamp is as bright with a medium in it as without: what light sampling and scattering find of it is
+/// weighed alike on both sides.
+#[test]
+fn a_lamp_may_be_a_border() {
+    let lit = |has_medium: bool| {
+        let mut desc = blank(16, 16);
+        desc.integrator = Integrator::Path { max_depth: 1 };
+        desc.camera.transform = Motion::fixed(look([0.0, 4.0, 0.0], [0.0; 3], [0.0, 0.0, 1.0]));
+        desc.camera.projection = orthographic((0.6, 2.6), (-1.0, 1.0));
+        desc.place(
+            Shape::Rectangle,
+            horizontal([0.0; 3], 9.0, 9.0),
+            diffuse(0.8),
+        );
+        let smoke = medium(&mut desc, SIGMA, [0.4; 3]);
+        let globe = desc.place(
+            Shape::Sphere { radius: 0.5 },
+            at(0.0, 0.6, 0.0),
+            diffuse(0.2),
+        );
+        globe.emission = shining(2.0);
+        if has_medium {
+            globe.media = Some(MediumInterface {
+                inside: Some(smoke),
+                outside: None,
+            });
+        }
+        render(&desc, 1024)
+    };
+    let (with, without) = (lit(true), lit(false));
+    let differences: Moments = (with.rgb.iter().zip(&without.rgb))
+        .map(|(a, b)| a[1] - b[1])
+        .collect();
+    let bound = 1e-2 * without.moments().mean();
+    assert!(
+        differences.error() < bound,
+        "{} : {bound}",
+        differences.error()
+    );
+    ttest::assert_mean("a lamp with smoke in it", &differences, 0.0, LEVEL);
 }

@@ -249,6 +249,10 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
     let (ray, hit) = (paths.ray(place), paths.hit(place));
     let carried = paths.carried(place);
     let mut gathered = paths.gathered(place);
+    let mut it = Interaction::NONE;
+    scene.find(&ray, &hit, &mut it);
+    let wo = -ray.direction;
+    path::shine(scene, &it, wo, &carried, &mut gathered);
     if scene.leads_to_media(&hit) {
         let mut points = PixelPoints::new(scene.sampler, paths.pixel_key(place.slot));
         let mut sampler = paths.sampler(place, wave.event, &mut points);
@@ -265,10 +269,6 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
         paths.set_gathered(place, &gathered);
         return Model::Other;
     }
-    let mut it = Interaction::NONE;
-    scene.find(&ray, &hit, &mut it);
-    let wo = -ray.direction;
-    path::shine(scene, &it, wo, &carried, &mut gathered);
     let at_limit = carried.depth >= wave.max_depth;
     if at_limit && gathered.seen_first {
         paths.set_gathered(place, &gathered);
