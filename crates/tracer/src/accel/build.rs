@@ -6,7 +6,7 @@
 //! time.
 
 use super::collapse::Plan;
-use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, Node, TriBlock, leaf, leaf_kind};
+use super::node::{BallBlock, EMPTY, INDEX_MASK, LEAF, LeafKind, Node, TriBlock, leaf, leaf_kind};
 use super::parts::{self, Division};
 use glam::Vec3;
 use obvhs::bvh2::Bvh2;
@@ -123,41 +123,50 @@ pub struct Built {
     pub root: u32,
     /// Triangle blocks.
     pub blocks: Vec<TriBlock>,
+    /// Blocks of spheres.
+    pub balls: Vec<BallBlock>,
 }
 
-/// Gives the corners of a triangle by its primitive.
-pub type Corners<'a> = &'a (dyn Fn(u32) -> [Vec3; 3] + Sync);
+/// What the items of blocks look like.
+#[derive(Clone, Copy)]
+pub struct Shapes<'a> {
+    /// Gives the corners of a triangle by its primitive.
+    pub corners: &'a (dyn Fn(u32) -> [Vec3; 3] + Sync),
+    /// Gives centre, radius and primitive of a round sphere by its index in the list of quadrics.
+    pub sphere: &'a (dyn Fn(u32) -> (Vec3, f32, u32) + Sync),
+}
 
 /// Builds a tree.
-pub fn build(items: Vec<Item>, corners: Corners) -> Built {
-    build_in_parts(items, corners, parts::PART_MAX)
+pub fn build(items: Vec<Item>, shapes: Shapes) -> Built {
+    build_in_parts(items, shapes, parts::PART_MAX)
 }
 
 /// Builds a tree from parts of at most `part` items.
-pub(super) fn build_in_parts(items: Vec<Item>, corners: Corners, part: usize) -> Built {
+pub(super) fn build_in_parts(items: Vec<Item>, shapes: Shapes, part: usize) -> Built {
     if items.is_empty() {
         Built {
             nodes: vec![],
             root: EMPTY,
             blocks: vec![],
+            balls: vec![],
         }
     } else if items.len() <= part {
-        build_below(&items, corners, 0, &mut Scratch::default())
+        build_below(&items, shapes, 0, &mut Scratch::default())
     } else {
-        join(items, corners, part)
+        join(items, shapes, part)
     }
 }
 
 /// A tree whose root lies below `depth` others.
-fn build_below(items: &[Item], corners: Corners, depth: usize, scratch: &mut Scratch) -> Built {
+fn build_below(items: &[Item], shapes: Shapes, depth: usize, scratch: &mut Scratch) -> Built {
     let binary = if items.len() == 1 {
         Binary::balanced(items)
     } else {
         Binary::ploc(items, scratch)
     };
     // Coincident or nested boxes by the thousand can make a chain of a tree.
-    let built = Collapse::run(&binary, items, corners, depth)
-        .or_else(|| Collapse::run(&Binary::balanced(items), items, corners, depth));
+    let built = Collapse::run(&binary, items, shapes, depth)
+        .or_else(|| Collapse::run(&Binary::balanced(items), items, shapes, depth));
     match built {
         Some(built) => built,
         None => unreachable!("a balanced tree over 2^28 items is at most 28 deep"),
@@ -168,7 +177,7 @@ fn build_below(items: &[Item], corners: Corners, depth: usize, scratch: &mut Scr
 const _: () = assert!(parts::FREE_DEPTH + 28 < DEPTH_MAX);
 
 /// A tree over each part of the items and one that joins them.
-fn join(mut items: Vec<Item>, corners: Corners, part: usize) -> Built {
+fn join(mut items: Vec<Item>, shapes: Shapes, part: usize) -> Built {
     let division = parts::divide(&mut items, part);
     let mut ranges = vec![];
     let binary = Binary::over(&division, &mut ranges);
@@ -182,7 +191,7 @@ fn join(mut items: Vec<Item>, corners: Corners, part: usize) -> Built {
             id: i as u32,
         })
         .collect();
-    let Some(mut out) = Collapse::run(&binary, &stand_ins, corners, 0) else {
+    let Some(mut out) = Collapse::run(&binary, &stand_ins, shapes, 0) else {
         unreachable!("a division is shallow");
     };
     let mut places = vec![(0, 0); ranges.len()];
@@ -204,7 +213,7 @@ fn join(mut items: Vec<Item>, corners: Corners, part: usize) -> Built {
         let built: Vec<Built> = some
             .par_iter()
             .map_init(Scratch::default, |scratch, ((range, _), (above, _))| {
-                build_below(&items[range.clone()], corners, depths[*above] + 1, scratch)
+                build_below(&items[range.clone()], shapes, depths[*above] + 1, scratch)
             })
             .collect();
         for (built, (_, (above, slot))) in built.into_iter().zip(some).rev() {
@@ -227,11 +236,14 @@ impl Built {
     /// Takes in another tree and returns the word of its root here.
     fn append(&mut self, other: Built) -> u32 {
         let (nodes, blocks) = (self.nodes.len() as u32, self.blocks.len() as u32);
+        let balls = self.balls.len() as u32;
         let moved = |word: u32| {
             if word & LEAF == 0 {
                 word + nodes
             } else if word != EMPTY && is_in_blocks(leaf_kind(word)) {
                 word + blocks
+            } else if word != EMPTY && leaf_kind(word) == LeafKind::Balls as u32 {
+                word + balls
             } else {
                 word
             }
@@ -241,6 +253,7 @@ impl Built {
             node
         }));
         self.blocks.extend(other.blocks);
+        self.balls.extend(other.balls);
         moved(other.root)
     }
 }
@@ -269,8 +282,8 @@ pub struct BinaryNode {
     pub is_leaf: bool,
     /// Items below.
     pub count: u32,
-    /// All of them are fixed triangles.
-    pub triangles: bool,
+    /// What all of them are, if they are alike.
+    pub all: Option<LeafKind>,
 }
 
 impl Binary {
@@ -305,7 +318,7 @@ impl Binary {
                 },
                 is_leaf,
                 count: 0,
-                triangles: false,
+                all: None,
             }
         };
         let mut tree = Binary {
@@ -322,7 +335,7 @@ impl Binary {
             first: 0,
             is_leaf: true,
             count: 0,
-            triangles: false,
+            all: None,
         };
         let mut nodes = vec![blank];
         let mut order = vec![];
@@ -366,7 +379,7 @@ impl Binary {
             first: 0,
             is_leaf: true,
             count: 0,
-            triangles: false,
+            all: None,
         };
         tree.nodes.push(blank);
         let mut todo = vec![(0usize, 0usize, items.len())];
@@ -398,7 +411,7 @@ impl Binary {
         tree
     }
 
-    /// Fills in `count` and `triangles`, children before parents.
+    /// Fills in `count` and `all`, children before parents.
     fn count(&mut self, items: &[Item]) {
         let mut order = vec![0u32];
         let mut i = 0;
@@ -411,17 +424,17 @@ impl Binary {
         }
         for &at in order.iter().rev() {
             let node = self.nodes[at as usize];
-            let (count, triangles) = if node.is_leaf {
-                (1, items[node.first as usize].kind == LeafKind::Triangles)
+            let (count, all) = if node.is_leaf {
+                (1, Some(items[node.first as usize].kind))
             } else {
                 let (a, b) = (
                     self.nodes[node.first as usize],
                     self.nodes[node.first as usize + 1],
                 );
-                (a.count + b.count, a.triangles && b.triangles)
+                (a.count + b.count, a.all.filter(|_| a.all == b.all))
             };
             self.nodes[at as usize].count = count;
-            self.nodes[at as usize].triangles = triangles;
+            self.nodes[at as usize].all = all;
         }
     }
 }
@@ -430,7 +443,7 @@ struct Collapse<'a> {
     binary: &'a Binary,
     plan: Plan,
     items: &'a [Item],
-    corners: Corners<'a>,
+    shapes: Shapes<'a>,
     out: Built,
 }
 
@@ -439,19 +452,20 @@ impl<'a> Collapse<'a> {
     fn run(
         binary: &'a Binary,
         items: &'a [Item],
-        corners: Corners<'a>,
+        shapes: Shapes<'a>,
         depth: usize,
     ) -> Option<Built> {
         let out = Built {
             nodes: vec![],
             root: EMPTY,
             blocks: vec![],
+            balls: vec![],
         };
         let mut collapse = Collapse {
             binary,
             plan: Plan::new(&binary.nodes),
             items,
-            corners,
+            shapes,
             out,
         };
         collapse.out.root = collapse.emit(0, depth)?;
@@ -484,30 +498,39 @@ impl<'a> Collapse<'a> {
 
     fn emit_leaf(&mut self, at: u32) -> u32 {
         let node = self.binary.nodes[at as usize];
-        if !node.triangles {
+        if !matches!(node.all, Some(LeafKind::Triangles | LeafKind::Balls)) {
             let item = &self.items[node.first as usize];
             return leaf(item.kind, item.id as usize);
         }
-        let mut prims = vec![];
+        let mut ids = vec![];
         let mut todo = vec![at];
         while let Some(n) = todo.pop() {
             let node = self.binary.nodes[n as usize];
             if node.is_leaf {
-                prims.push(self.items[node.first as usize].id);
+                ids.push(self.items[node.first as usize].id);
             } else {
                 todo.extend([node.first, node.first + 1]);
             }
         }
-        prims.sort_unstable();
+        ids.sort_unstable();
+        if node.all == Some(LeafKind::Balls) {
+            let mut block = BallBlock::empty();
+            for (lane, &id) in ids.iter().enumerate() {
+                let (center, radius, prim) = (self.shapes.sphere)(id);
+                block.set(lane, center, radius, prim);
+            }
+            self.out.balls.push(block);
+            return leaf(LeafKind::Balls, self.out.balls.len() - 1);
+        }
         let index = self.out.blocks.len();
-        for prims in prims.chunks(4) {
+        for prims in ids.chunks(4) {
             let mut block = TriBlock::empty();
             for (lane, &prim) in prims.iter().enumerate() {
-                block.set(lane, (self.corners)(prim), prim);
+                block.set(lane, (self.shapes.corners)(prim), prim);
             }
             self.out.blocks.push(block);
         }
-        let kind = if prims.len() > 4 {
+        let kind = if ids.len() > 4 {
             LeafKind::Pair
         } else {
             LeafKind::Triangles

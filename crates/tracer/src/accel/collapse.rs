@@ -6,14 +6,15 @@
 //! so there are fewer of them, on the way of a ray as well.
 
 use super::build::{BinaryNode, half_area};
+use super::node::LeafKind;
 
 /// Cost of a block of triangles beside that of a node.
 const BLOCK: f32 = 0.6;
 /// Cost of another block in the same leaf.
 const NEXT_BLOCK: f32 = 0.5;
-/// Triangles in a block.
+/// Triangles or spheres in a block.
 const LANES: u32 = 4;
-/// Blocks in a leaf.
+/// Blocks of triangles in a leaf; of spheres there is one.
 const BLOCKS_MAX: u32 = 2;
 
 /// What becomes of each binary node.
@@ -95,7 +96,12 @@ fn join(node: &BinaryNode, area: f32, left: &[f32; 7], right: &[f32; 7]) -> ([f3
     let mut choice = split[6].1 << 18;
     let as_node = area + split[6].0;
     let blocks = node.count.div_ceil(LANES);
-    let as_leaf = if node.triangles && blocks <= BLOCKS_MAX {
+    let fits = match node.all {
+        Some(LeafKind::Triangles) => blocks <= BLOCKS_MAX,
+        Some(LeafKind::Balls) => blocks == 1,
+        _ => false,
+    };
+    let as_leaf = if fits {
         area * (BLOCK + (blocks - 1) as f32 * NEXT_BLOCK)
     } else {
         f32::INFINITY

@@ -6,7 +6,7 @@
 //! visited in.
 
 use super::Geometry;
-use super::node::{EMPTY, INDEX_MASK, LEAF, LeafKind, Node, Tree, TriBlock, leaf_kind};
+use super::node::{BallBlock, EMPTY, INDEX_MASK, LEAF, LeafKind, Node, Tree, TriBlock, leaf_kind};
 use super::simd::{self, Lanes, Simd, Stack};
 use super::stream;
 use crate::ray::{Hit, NONE, Ray};
@@ -316,6 +316,8 @@ pub fn visit_leaf<S: Simd, const ANY: bool>(
     } else if kind == LeafKind::Pair as u32 {
         triangles::<S, ANY>(at, &at.tree.blocks[index], aim, hit)
             || triangles::<S, ANY>(at, &at.tree.blocks[index + 1], aim, hit)
+    } else if kind == LeafKind::Balls as u32 {
+        balls::<S, ANY>(at, &at.tree.balls[index], hit)
     } else if kind == LeafKind::Deforming as u32 {
         let block = deformed(at, index);
         triangles::<S, ANY>(at, &block, aim, hit)
@@ -427,6 +429,59 @@ fn triangles<S: Simd, const ANY: bool>(
         let taken = offer::<ANY>(at, block.prims[lane], t[lane], u[lane], v[lane], hit);
         if ANY && taken {
             return true;
+        }
+    }
+    false
+}
+
+/// Four spheres, with the operations of [`Quadric::intersect`](crate::geometry::quadric::Quadric::intersect).
+#[inline(always)]
+fn balls<S: Simd, const ANY: bool>(at: &Walk, block: &BallBlock, hit: &mut Hit) -> bool {
+    let [cx, cy, cz] = &block.centers;
+    let (dx, dy, dz) = (at.direction.x, at.direction.y, at.direction.z);
+    let a = S::F4::splat(dx * dx + dy * dy + dz * dz);
+    let x = S::F4::splat(at.origin.x).sub(S::F4::load(cx));
+    let y = S::F4::splat(at.origin.y).sub(S::F4::load(cy));
+    let z = S::F4::splat(at.origin.z).sub(S::F4::load(cz));
+    let (dx, dy, dz) = (S::F4::splat(dx), S::F4::splat(dy), S::F4::splat(dz));
+    let (zero, square) = (S::F4::splat(0.0), S::F4::load(&block.squares));
+    // Not 0 - x, which would lose the sign of a zero.
+    let b = x
+        .mul(dx)
+        .add(y.mul(dy))
+        .add(z.mul(dz))
+        .mul(S::F4::splat(-1.0));
+    let along = b.div(a);
+    let lx = x.add(dx.mul(along));
+    let ly = y.add(dy.mul(along));
+    let lz = z.add(dz.mul(along));
+    let discriminant = square.sub(lx.mul(lx).add(ly.mul(ly)).add(lz.mul(lz)));
+    let met = zero.le(discriminant);
+    if met == 0 {
+        return false;
+    }
+    let c = x.mul(x).add(y.mul(y)).add(z.mul(z)).sub(square);
+    let q = b.add(discriminant.mul(a).sqrt().copysign(b));
+    let (t0, t1) = (c.div(q), q.div(a));
+    let near = t0.select_le(t1, t0, t1);
+    let far = t0.select_le(t1, t1, t0);
+    let end = S::F4::splat(hit.t);
+    let in_reach = (near.le(end) & !near.le(zero)) | (far.le(end) & !far.le(zero));
+    let mut mask = met & in_reach;
+    if mask == 0 {
+        return false;
+    }
+    let (near, far) = (near.store(), far.store());
+    while mask != 0 {
+        let lane = mask.trailing_zeros() as usize & 3;
+        mask &= mask - 1;
+        for t in [near[lane], far[lane]] {
+            if t > 0.0 && t <= hit.t && offer::<ANY>(at, block.prims[lane], t, 0.0, 0.0, hit) {
+                if ANY {
+                    return true;
+                }
+                break;
+            }
         }
     }
     false

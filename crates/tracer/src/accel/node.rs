@@ -53,6 +53,8 @@ pub enum LeafKind {
     Curve = 4,
     /// Two blocks of triangles, one after the other.
     Pair = 5,
+    /// One block of up to four round spheres.
+    Balls = 6,
 }
 
 /// The word of a leaf.
@@ -96,6 +98,38 @@ impl TriBlock {
     }
 }
 
+/// Four round spheres, one number at a time. Unused lanes have squared radii below zero, which
+/// no ray meets.
+#[derive(Clone, Debug)]
+#[repr(C, align(16))]
+pub struct BallBlock {
+    /// Centres, by axis.
+    pub centers: [[f32; 4]; 3],
+    /// Squares of the radii; negative where there is no sphere.
+    pub squares: [f32; 4],
+    /// Primitive of each lane.
+    pub prims: [u32; 4],
+}
+
+impl BallBlock {
+    /// Nothing in any lane.
+    pub fn empty() -> BallBlock {
+        BallBlock {
+            centers: [[0.0; 4]; 3],
+            squares: [-1.0; 4],
+            prims: [u32::MAX; 4],
+        }
+    }
+    /// Puts a sphere into a lane.
+    pub fn set(&mut self, lane: usize, center: glam::Vec3, radius: f32, prim: u32) {
+        for (to, x) in self.centers.iter_mut().zip(center.to_array()) {
+            to[lane] = x;
+        }
+        self.squares[lane] = radius * radius;
+        self.prims[lane] = prim;
+    }
+}
+
 /// What surface a primitive of a tree is part of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PrimRef {
@@ -114,7 +148,9 @@ pub struct Tree {
     pub root: u32,
     /// Leaves of [`LeafKind::Triangles`].
     pub blocks: Vec<TriBlock>,
-    /// Leaves of [`LeafKind::Quadric`].
+    /// Leaves of [`LeafKind::Balls`].
+    pub balls: Vec<BallBlock>,
+    /// Leaves of [`LeafKind::Quadric`], and all spheres of [`Tree::balls`].
     pub quadrics: Vec<(Quadric, u32)>,
     /// Leaves of [`LeafKind::Deforming`]: primitives.
     pub deforming: Vec<u32>,
@@ -133,6 +169,7 @@ impl Tree {
     pub fn memory_bytes(&self) -> usize {
         self.nodes.len() * size_of::<Node>()
             + self.blocks.len() * size_of::<TriBlock>()
+            + self.balls.len() * size_of::<BallBlock>()
             + self.prims.len() * size_of::<PrimRef>()
             + self.quadrics.len() * size_of::<(Quadric, u32)>()
             + self.curves.len() * size_of::<CurvePart>()

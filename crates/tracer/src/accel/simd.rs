@@ -34,6 +34,8 @@ pub trait Lanes<const N: usize>: Copy {
     fn le(self, b: Self) -> u32;
     /// Sign bit cleared.
     fn abs(self) -> Self;
+    /// With the sign bit of another.
+    fn copysign(self, sign: Self) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// self <= b ? yes : no
@@ -129,6 +131,10 @@ impl<const N: usize> Lanes<N> for [f32; N] {
     #[inline(always)]
     fn abs(self) -> Self {
         self.map(f32::abs)
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        std::array::from_fn(|i| self[i].copysign(sign[i]))
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -277,6 +283,17 @@ mod x86 {
             X4(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
         }
         #[inline(always)]
+        fn copysign(self, sign: Self) -> Self {
+            // SAFETY: see the head of the module.
+            unsafe {
+                let bit = _mm_set1_ps(-0.0);
+                X4(_mm_or_ps(
+                    _mm_andnot_ps(bit, self.0),
+                    _mm_and_ps(bit, sign.0),
+                ))
+            }
+        }
+        #[inline(always)]
         fn sqrt(self) -> Self {
             // SAFETY: see the head of the module.
             X4(unsafe { _mm_sqrt_ps(self.0) })
@@ -352,6 +369,10 @@ mod x86 {
             X44(self.0.abs(), self.1.abs())
         }
         #[inline(always)]
+        fn copysign(self, sign: Self) -> Self {
+            X44(self.0.copysign(sign.0), self.1.copysign(sign.1))
+        }
+        #[inline(always)]
         fn sqrt(self) -> Self {
             X44(self.0.sqrt(), self.1.sqrt())
         }
@@ -423,6 +444,17 @@ mod x86 {
         fn abs(self) -> Self {
             // SAFETY: see the head of the module.
             X8(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
+        }
+        #[inline(always)]
+        fn copysign(self, sign: Self) -> Self {
+            // SAFETY: see the head of the module.
+            unsafe {
+                let bit = _mm256_set1_ps(-0.0);
+                X8(_mm256_or_ps(
+                    _mm256_andnot_ps(bit, self.0),
+                    _mm256_and_ps(bit, sign.0),
+                ))
+            }
         }
         #[inline(always)]
         fn sqrt(self) -> Self {

@@ -1,11 +1,13 @@
 //! The wide tree against brute force, on friendly and on nasty soups, at every SIMD level.
 
-use super::build::{Bounds, Built, Item, build_in_parts};
+use super::build::{Bounds, Built, Item, Shapes, build_in_parts};
 use super::node::{LeafKind, PrimRef, Tree};
 use super::parts::PART_MAX;
 use super::*;
+use crate::geometry::quadric::{Quadric, QuadricKind};
+use crate::geometry::transform::Affine;
 use crate::ray::{Hit, Ray};
-use glam::Vec3;
+use glam::{DAffine3, Vec3};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use std::sync::Arc;
 
@@ -25,7 +27,11 @@ fn built(triangles: &[Tri], part: usize) -> Built {
             id: i as u32,
         })
         .collect();
-    build_in_parts(items, &|prim| triangles[prim as usize], part)
+    let shapes = Shapes {
+        corners: &|prim| triangles[prim as usize],
+        sphere: &|_| unreachable!("there are none"),
+    };
+    build_in_parts(items, shapes, part)
 }
 
 fn geometry_in_parts(triangles: &[Tri], level: SimdLevel, part: usize) -> Geometry {
@@ -213,6 +219,108 @@ fn equals_brute_force_on_nasty_soups() {
         let rays = rays(&mut rng, 300, &soup);
         check(name, &soup, &rays);
     }
+}
+
+/// Spheres by blocks are hit at the very bits that [`Quadric::intersect`] gives, from outside and from inside, by
+/// rays that start on them, graze them or run through their centres.
+#[test]
+fn equals_brute_force_on_spheres() {
+    let mut rng = StdRng::seed_from_u64(7);
+    for (count, part) in [(1, PART_MAX), (3, PART_MAX), (70, PART_MAX), (70, 5)] {
+        let mut spheres: Vec<(Vec3, f32)> = (0..count)
+            .map(|_| (point(&mut rng, 2.0), rng.random_range(0.01..0.7)))
+            .collect();
+        // Two in the same place.
+        if count > 3 {
+            spheres[1] = spheres[0];
+        }
+        let trees: Vec<Geometry> = (levels().into_iter())
+            .map(|level| of_spheres(&spheres, level, part))
+            .collect();
+        for i in 0..2000 {
+            let (center, radius) = spheres[i % spheres.len()];
+            let origin = match i % 3 {
+                0 => point(&mut rng, 3.0),
+                1 => center,
+                _ => center + crate::math::normalize(point(&mut rng, 1.0)) * radius,
+            };
+            let direction = match i / 3 % 4 {
+                0 => point(&mut rng, 1.0),
+                1 => center - origin,
+                2 => [Vec3::X, Vec3::NEG_Y, Vec3::Z][i / 12 % 3],
+                _ => center + Vec3::X * radius - origin,
+            };
+            if direction == Vec3::ZERO {
+                continue;
+            }
+            let ray = Ray::new(origin, direction, 0.0);
+            let mut expected = Hit::none(ray.t_max);
+            for (prim, (shape, _)) in trees[0].world.quadrics.iter().enumerate() {
+                for t in shape.intersect(ray.origin, ray.direction) {
+                    if t > 0.0 && t < expected.t {
+                        let prim = prim as u32;
+                        expected = Hit {
+                            t,
+                            prim,
+                            ..Hit::none(0.0)
+                        };
+                    }
+                }
+            }
+            for tree in &trees {
+                assert!(!tree.world.balls.is_empty());
+                let hit = tree.closest(&ray);
+                assert_eq!(
+                    hit.t.to_bits(),
+                    expected.t.to_bits(),
+                    "{i} at {:?}",
+                    tree.level
+                );
+                assert_eq!(hit.prim, expected.prim, "{i} at {:?}", tree.level);
+                assert_eq!(
+                    tree.occluded(&ray),
+                    hit.is_some(),
+                    "{i} at {:?}",
+                    tree.level
+                );
+            }
+        }
+    }
+}
+
+fn of_spheres(spheres: &[(Vec3, f32)], level: SimdLevel, part: usize) -> Geometry {
+    let quadrics: Vec<(Quadric, u32)> = (spheres.iter().enumerate())
+        .map(|(i, (center, radius))| {
+            let to_parent = DAffine3::from_translation(center.as_dvec3());
+            let kind = QuadricKind::Sphere { radius: *radius };
+            let from_parent = Affine::new(&to_parent.inverse());
+            let shape = Quadric::new(Affine::new(&to_parent), from_parent, kind);
+            (shape, i as u32)
+        })
+        .collect();
+    let item = |(i, (shape, _)): (usize, &(Quadric, u32))| Item {
+        bounds: shape.bounds(),
+        kind: LeafKind::Balls,
+        id: i as u32,
+    };
+    let items = quadrics.iter().enumerate().map(item).collect();
+    let shapes = Shapes {
+        corners: &|_| unreachable!("there are none"),
+        sphere: &|i| (spheres[i as usize].0, spheres[i as usize].1, i),
+    };
+    let built = build_in_parts(items, shapes, part);
+    let mut geometry = geometry(&[], level);
+    geometry.world = Tree {
+        nodes: built.nodes,
+        root: built.root,
+        balls: built.balls,
+        prims: (0..spheres.len() as u32)
+            .map(|index| PrimRef { surface: 0, index })
+            .collect(),
+        quadrics,
+        ..Tree::default()
+    };
+    geometry
 }
 
 /// No ray from inside a closed mesh gets out, at edges and corners least of all.

@@ -351,7 +351,10 @@ fn tree(plan: &Plan, first_surface: u32, parts: &Parts, placed: &[Item]) -> Tree
             });
             items.push(Item {
                 bounds: shape.bounds(),
-                kind: LeafKind::Quadric,
+                kind: match shape.sphere() {
+                    Some(_) => LeafKind::Balls,
+                    None => LeafKind::Quadric,
+                },
                 id: tree.quadrics.len() as u32,
             });
             tree.quadrics.push((shape, prim));
@@ -405,10 +408,22 @@ fn tree(plan: &Plan, first_surface: u32, parts: &Parts, placed: &[Item]) -> Tree
         let at = prims[prim as usize];
         meshes[surfaces[at.surface as usize].mesh as usize].corners(at.index)
     };
-    let built = build::build(items, &corners);
+    let quadrics = &tree.quadrics;
+    let sphere = |index: u32| {
+        let (shape, prim) = &quadrics[index as usize];
+        // Nobody asks for others.
+        let (center, radius) = shape.sphere().unwrap_or_default();
+        (center, radius, *prim)
+    };
+    let shapes = build::Shapes {
+        corners: &corners,
+        sphere: &sphere,
+    };
+    let built = build::build(items, shapes);
     tree.nodes = built.nodes;
     tree.root = built.root;
     tree.blocks = built.blocks;
+    tree.balls = built.balls;
     tree
 }
 
