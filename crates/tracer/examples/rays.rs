@@ -1,5 +1,5 @@
 //! Traces rays that are read from files through a scene's geometry on one thread and prints how many
-//! a second, best of five: what other tracers of rays are compared with on the same rays.
+//! a second, best of five (those by packets suit rays in the order of a camera's): what other tracers of rays are compared with on the same rays.
 //!
 //! `cargo run --release -p brolly-tracer --example rays -- SCENE FILE...`
 //!
@@ -49,8 +49,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 }
             })
             .collect();
-        let (mut closest, mut any) = (f64::INFINITY, f64::INFINITY);
+        let (mut closest, mut coherent, mut any) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
         let mut found = vec![Hit::none(0.0); rays.len()];
+        let mut alike = found.clone();
         let mut shadows = vec![false; rays.len()];
         for _ in 0..5 {
             let begin = Instant::now();
@@ -59,10 +60,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
             closest = closest.min(begin.elapsed().as_secs_f64());
             let begin = Instant::now();
+            for (rays, hits) in rays.chunks(ARRAY).zip(alike.chunks_mut(ARRAY)) {
+                scene.geometry.closest_coherent(rays, hits);
+            }
+            coherent = coherent.min(begin.elapsed().as_secs_f64());
+            let begin = Instant::now();
             for (rays, blocked) in rays.chunks(ARRAY).zip(shadows.chunks_mut(ARRAY)) {
                 scene.geometry.occluded_many(rays, blocked);
             }
             any = any.min(begin.elapsed().as_secs_f64());
+        }
+        if found != alike {
+            return Err("packets find other hits".into());
         }
         let hits = found.iter().filter(|hit| hit.is_some()).count();
         let sum: f64 = found
@@ -74,9 +83,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let rate = |seconds: f64| rays.len() as f64 / seconds / 1e6;
         println!(
             "{file}: {} rays, {hits} hits, sum of t {sum:.4}, {blocked} blocked: \
-             {:.2} Mrays/s closest, {:.2} any",
+             {:.2} Mrays/s closest, {:.2} by packets, {:.2} any",
             rays.len(),
             rate(closest),
+            rate(coherent),
             rate(any),
         );
     }

@@ -18,8 +18,11 @@ use glam::Vec3;
 /// distance.
 pub const FAR_SLACK: f32 = 1.0 + 8.0 * f32::EPSILON;
 
+/// The least component of a direction that is taken as it is.
+pub const TINY: f32 = 1e-18;
+
 /// The two axes after an axis, in order.
-static OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
+pub static OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
 
 /// Blocks of a tree that no longer fits the cache next to a core: nodes are then asked for before they are
 /// visited. On smaller ones that is wasted work.
@@ -38,11 +41,11 @@ pub struct Aim {
     pub near: [u32; 3],
     /// The axes x, y, z as the triangle test wants them, z the longest component of the direction: where they are
     /// among the coordinates of a corner, in bytes.
-    axes: [u32; 3],
+    pub axes: [u32; 3],
     /// Start, by these axes.
-    start: [f32; 3],
+    pub start: [f32; 3],
     /// What makes the ray run along z.
-    shear: [f32; 3],
+    pub shear: [f32; 3],
 }
 
 impl Aim {
@@ -83,12 +86,8 @@ impl Aim {
 
 /// A component of zero would make 0 x infinity; a tiny one gives a slab that is never left.
 #[inline(always)]
-fn safe(x: f32) -> f32 {
-    if x.abs() < 1e-18 {
-        1e-18f32.copysign(x)
-    } else {
-        x
-    }
+pub fn safe(x: f32) -> f32 {
+    if x.abs() < TINY { TINY.copysign(x) } else { x }
 }
 
 /// Where a ray enters the boxes of a node's children, and where it leaves them, t at the
@@ -204,6 +203,18 @@ pub fn occluded_in_group<S: Simd>(group: &Walk, hit: &mut Hit) -> bool {
     walk::<S, true>(group, hit)
 }
 
+/// [`closest`] below a word of a tree; the aim is that of the walk.
+#[inline(always)]
+pub fn closest_below<S: Simd>(at: &Walk, aim: &Aim, word: u32, hit: &mut Hit) {
+    walk_below::<S, false>(at, aim, word, hit);
+}
+
+/// Whether nodes are worth being asked for before they are visited.
+#[inline(always)]
+pub fn is_large(tree: &Tree) -> bool {
+    tree.blocks.len() >= LARGE
+}
+
 /// Through a tree; whether anything blocks, if `ANY`.
 #[inline(always)]
 fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
@@ -212,16 +223,23 @@ fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
         return false;
     }
     let aim = Aim::new::<S>(at.origin, at.direction);
-    let is_large = tree.blocks.len() >= LARGE;
+    walk_below::<S, ANY>(at, &aim, tree.root, hit)
+}
+
+/// Through what is below a word of a tree.
+#[inline(always)]
+fn walk_below<S: Simd, const ANY: bool>(at: &Walk, aim: &Aim, word: u32, hit: &mut Hit) -> bool {
+    let tree = at.tree;
+    let is_large = is_large(tree);
     let mut items = simd::stack_items();
     let mut stack = Stack::new(&mut items);
-    let mut word = tree.root;
+    let mut word = word;
     // What begins behind the closest hit cannot hold a closer one.
     let mut limit = simd::entry(u32::MAX, hit.t * FAR_SLACK);
     loop {
         if word & LEAF == 0 {
             let node = &tree.nodes[word as usize];
-            let (enter, leave) = boxes::<S>(node, &aim, hit.t);
+            let (enter, leave) = boxes::<S>(node, aim, hit.t);
             let mut mask = enter.le(leave);
             if mask != 0 {
                 let first = lowest(&mut mask);
@@ -272,7 +290,7 @@ fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
                 stack.sort_from(from);
             }
         } else {
-            let found = visit_leaf::<S, ANY>(at, &aim, word, hit);
+            let found = visit_leaf::<S, ANY>(at, aim, word, hit);
             if ANY && found {
                 return true;
             }
@@ -294,7 +312,7 @@ fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
 
 /// Takes the lowest of the lanes out of a mask.
 #[inline(always)]
-fn lowest(mask: &mut u32) -> usize {
+pub fn lowest(mask: &mut u32) -> usize {
     let lane = mask.trailing_zeros() as usize & 7;
     *mask &= *mask - 1;
     lane
@@ -388,8 +406,9 @@ fn corner<S: Simd>(block: &TriBlock, corner: usize, aim: &Aim) -> (S::F4, S::F4,
     )
 }
 
+/// Tests the triangles of a block; whether one blocks.
 #[inline(always)]
-fn triangles<S: Simd, const ANY: bool>(
+pub fn triangles<S: Simd, const ANY: bool>(
     at: &Walk,
     block: &TriBlock,
     aim: &Aim,
@@ -514,7 +533,7 @@ fn curve<const ANY: bool>(at: &Walk, index: usize, hit: &mut Hit) -> bool {
 /// Takes a candidate if it comes before the best so far and its surface is not transparent there.
 /// For occlusion: whether it blocks.
 #[inline(always)]
-fn offer<const ANY: bool>(at: &Walk, prim: u32, t: f32, u: f32, v: f32, hit: &mut Hit) -> bool {
+pub fn offer<const ANY: bool>(at: &Walk, prim: u32, t: f32, u: f32, v: f32, hit: &mut Hit) -> bool {
     let instance = at.instance;
     let nearer = if ANY {
         t < hit.t

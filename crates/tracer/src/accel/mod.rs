@@ -5,6 +5,7 @@ pub mod collapse;
 pub mod few;
 pub mod kernel;
 pub mod node;
+pub mod packet;
 mod parts;
 pub mod simd;
 pub mod stream;
@@ -80,6 +81,17 @@ impl Geometry {
         }
         let in_flight = stream::pays(&self.world);
         simd::closest_many(self.level, self, rays, hits, in_flight);
+    }
+
+    /// [`Geometry::closest_many`] for rays that run much the same way as their neighbours, as a camera's do. The hits
+    /// are the same.
+    #[inline]
+    pub fn closest_coherent(&self, rays: &[Ray], hits: &mut [Hit]) {
+        if self.few.is_some() {
+            return self.closest_many(rays, hits);
+        }
+        let in_flight = stream::pays(&self.world);
+        simd::closest_coherent(self.level, self, rays, hits, in_flight);
     }
 
     /// [`Geometry::occluded`] for each of many rays.

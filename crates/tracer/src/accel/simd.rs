@@ -6,8 +6,8 @@
 
 #![allow(unsafe_code)]
 
-use super::kernel;
 use super::node::{Node, TriBlock};
+use super::{kernel, packet};
 use crate::light::cluster;
 
 /// N lanes of f32.
@@ -673,6 +673,18 @@ entry! {
 entry! {
     /// Any hit in a group; see [`kernel::occluded_in_group`].
     occluded_in_group, kernel::occluded_in_group, (group: &kernel::Walk, hit: &mut crate::ray::Hit) -> bool
+}
+entry! {
+    /// Closest hit below a word; see [`kernel::closest_below`].
+    closest_below, kernel::closest_below, (at: &kernel::Walk, aim: &kernel::Aim, word: u32, hit: &mut crate::ray::Hit) -> ()
+}
+entry! {
+    /// Closest hits by packets; see [`packet::closest`].
+    closest_coherent, packet::closest, (geometry: &super::Geometry, rays: &[crate::ray::Ray], hits: &mut [crate::ray::Hit], in_flight: bool) -> ()
+}
+entry! {
+    /// Closest hits of a packet in a group; see [`packet::closest_in_group`].
+    closest_packet_in_group, packet::closest_in_group, (group: &packet::Place, rays: u32, hits: &mut [crate::ray::Hit; packet::RAYS]) -> bool
 }
 entry! {
     /// Any hit; see [`kernel::occluded`].

@@ -11,9 +11,9 @@ use glam::{DAffine3, Vec3};
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use std::sync::Arc;
 
-type Tri = [Vec3; 3];
+pub(super) type Tri = [Vec3; 3];
 
-fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
+pub(super) fn geometry(triangles: &[Tri], level: SimdLevel) -> Geometry {
     geometry_in_parts(triangles, level, PART_MAX)
 }
 
@@ -96,7 +96,7 @@ fn brute(triangles: &[Tri], ray: &Ray) -> Hit {
     best
 }
 
-fn levels() -> Vec<SimdLevel> {
+pub(super) fn levels() -> Vec<SimdLevel> {
     [
         SimdLevel::Scalar,
         SimdLevel::Sse2,
@@ -108,7 +108,7 @@ fn levels() -> Vec<SimdLevel> {
     .collect()
 }
 
-fn point(rng: &mut StdRng, size: f32) -> Vec3 {
+pub(super) fn point(rng: &mut StdRng, size: f32) -> Vec3 {
     Vec3::new(
         rng.random_range(-size..size),
         rng.random_range(-size..size),
@@ -116,7 +116,7 @@ fn point(rng: &mut StdRng, size: f32) -> Vec3 {
     )
 }
 
-fn rays(rng: &mut StdRng, count: usize, triangles: &[Tri]) -> Vec<Ray> {
+pub(super) fn rays(rng: &mut StdRng, count: usize, triangles: &[Tri]) -> Vec<Ray> {
     (0..count)
         .map(|i| {
             let origin = point(rng, 3.0);

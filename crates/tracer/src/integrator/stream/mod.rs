@@ -141,7 +141,7 @@ impl Stream {
         let level = scene.geometry.level;
         let paths = &mut *self.paths;
         counters.rays += paths.active() as u64;
-        paths.find_hits(&scene.geometry);
+        paths.find_hits(&scene.geometry, event);
         self.sort(wave);
         for place in self.lists.missed.all() {
             escape(scene, &mut self.paths, *place);

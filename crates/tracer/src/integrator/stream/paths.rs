@@ -306,12 +306,16 @@ impl Paths {
         }
     }
 
-    /// Finds the hits of all rays.
-    pub fn find_hits(&mut self, geometry: &Geometry) {
-        geometry.closest_many(
-            bytemuck::cast_slice(&self.rays),
-            &mut self.hits[..self.rays.len()],
-        );
+    /// Finds the hits of all rays of an event.
+    pub fn find_hits(&mut self, geometry: &Geometry, event: u32) {
+        let rays = bytemuck::cast_slice(&self.rays);
+        let hits = &mut self.hits[..self.rays.len()];
+        // A camera's rays run alike, those that follow do not.
+        if event == 0 {
+            geometry.closest_coherent(rays, hits);
+        } else {
+            geometry.closest_many(rays, hits);
+        }
     }
 
     #[inline(always)]
