@@ -26,6 +26,12 @@ const WORTH: u32 = 2;
 /// The same where a block of triangles is tested.
 const WORTH_LEAF: u32 = 4;
 
+/// Parts that go on alone from which on a packet has fallen apart.
+const APART: u32 = 12;
+
+/// Eights that are no packets after one that fell apart: their neighbours would, too.
+const REST: u32 = 7;
+
 /// All rays of a packet, a bit each.
 const ALL: u32 = 0xff;
 
@@ -65,10 +71,13 @@ pub fn closest<S: Simd>(geometry: &Geometry, rays: &[Ray], hits: &mut [Hit], in_
     let hits = &mut hits[..rays.len()];
     // Rays that are in no packet go together: the longer an array, the better.
     let mut begin = 0;
+    let mut resting = 0;
     let mut at = 0;
     while let (Some(eight), Some(found)) = (rays[at..].first_chunk(), hits[at..].first_chunk_mut())
     {
-        if let Some(mut bundle) = Bundle::<S>::new(eight, ALL) {
+        if resting > 0 {
+            resting -= 1;
+        } else if let Some(mut bundle) = Bundle::<S>::new(eight, ALL) {
             for lane in 0..RAYS {
                 found[lane] = Hit::none(eight[lane].t_max);
             }
@@ -79,7 +88,11 @@ pub fn closest<S: Simd>(geometry: &Geometry, rays: &[Ray], hits: &mut [Hit], in_
                 rays: eight,
                 world: eight,
             };
-            walk(&place, &mut bundle, ALL, found);
+            // A ray alone waits for memory, those in flight do not.
+            let alone = walk(&place, &mut bundle, ALL, found);
+            if in_flight && alone >= APART {
+                resting = REST;
+            }
             if begin < at {
                 let (rays, hits) = (&rays[begin..at], &mut hits[begin..at]);
                 simd::closest_many(geometry.level, geometry, rays, hits, in_flight);
@@ -436,12 +449,13 @@ fn entry(word: u32, t: f32, rays: u32) -> u64 {
     simd::entry(word, t) & !((ALL as u64) << 32) | (rays as u64) << 32
 }
 
-/// Through a tree.
+/// Through a tree; how often a ray went on alone.
 #[inline(always)]
-fn walk<S: Simd>(at: &Place, bundle: &mut Bundle<S>, rays: u32, hits: &mut [Hit; RAYS]) {
+fn walk<S: Simd>(at: &Place, bundle: &mut Bundle<S>, rays: u32, hits: &mut [Hit; RAYS]) -> u32 {
     let tree = at.tree;
+    let mut alone = 0;
     if tree.root == EMPTY {
-        return;
+        return alone;
     }
     let is_large = kernel::is_large(tree);
     let mut items = simd::stack_items();
@@ -478,6 +492,7 @@ fn walk<S: Simd>(at: &Place, bundle: &mut Bundle<S>, rays: u32, hits: &mut [Hit;
                 continue;
             }
         } else {
+            alone += (word & LEAF == 0) as u32;
             visit(at, bundle, word, rays, hits);
             bundle.shorten();
             // What begins behind the farthest of the closest hits cannot hold a closer one.
@@ -485,7 +500,7 @@ fn walk<S: Simd>(at: &Place, bundle: &mut Bundle<S>, rays: u32, hits: &mut [Hit;
         }
         loop {
             match stack.pop() {
-                None => return,
+                None => return alone,
                 Some(next) => {
                     if next <= limit {
                         word = next as u32;
