@@ -361,6 +361,10 @@ pub fn prefetch<S: Simd>(tree: &Tree, is_large: bool, word: u32) {
 /// A leaf that holds no triangles; whether it blocks.
 #[inline(never)]
 fn other_leaf<const ANY: bool>(at: &Walk, word: u32, hit: &mut Hit) -> bool {
+    // A ray that begins at infinity meets even inverted boxes.
+    if word == EMPTY {
+        return false;
+    }
     let index = (word & INDEX_MASK) as usize;
     let kind = leaf_kind(word);
     if kind == LeafKind::Quadric as u32 {

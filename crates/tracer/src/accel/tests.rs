@@ -323,6 +323,45 @@ fn of_spheres(spheres: &[(Vec3, f32)], level: SimdLevel, part: usize) -> Geometr
     geometry
 }
 
+/// Rays that are none hit something or nothing, but end.
+#[test]
+fn nonsense_does_no_harm() {
+    let mut rng = StdRng::seed_from_u64(8);
+    let corner = |rng: &mut StdRng| point(rng, 2.0);
+    let soup: Vec<Tri> = (0..50)
+        .map(|_| [corner(&mut rng), corner(&mut rng), corner(&mut rng)])
+        .collect();
+    let odd = [
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        f32::NAN,
+        f32::MAX,
+        0.0,
+        1.0,
+    ];
+    for tree in levels().into_iter().map(|level| geometry(&soup, level)) {
+        let mut rays = vec![];
+        for i in 0..odd.len().pow(3) {
+            let n = odd.len();
+            let strange = Vec3::new(odd[i % n], odd[i / n % n], odd[i / n / n]);
+            rays.push(Ray::new(strange, Vec3::NEG_ONE, 0.0));
+            rays.push(Ray::new(Vec3::ONE, strange, 0.0));
+            rays.push(Ray::new(strange, strange, 0.0));
+        }
+        let mut hits = vec![Hit::none(0.0); rays.len()];
+        tree.closest_coherent(&rays, &mut hits);
+        for (ray, hit) in rays.iter().zip(hits) {
+            assert_eq!(
+                tree.closest(ray).prim,
+                hit.prim,
+                "{ray:?} at {:?}",
+                tree.level
+            );
+            tree.occluded(ray);
+        }
+    }
+}
+
 /// No ray from inside a closed mesh gets out, at edges and corners least of all.
 #[test]
 fn closed_meshes_do_not_leak() {
