@@ -1,6 +1,6 @@
 //! Packets: eight rays that run much the same way go down the tree together.
 //!
-//! The boxes of a node are met by all rays of a packet at once, by intervals: [`Bundle::boxes`] bounds where any of
+//! The boxes of a node are met by all rays of a packet at once, by intervals: `Bundle::boxes` bounds where any of
 //! them enters and leaves. What passes is tested against each ray with the very operations of the single
 //! kernel, so a leaf is visited for the rays that visit it alone, and for no others. In leaves a triangle is tested
 //! against eight rays, with the roundings of the kernel's test. Where hardly a ray of a packet is left, it goes
