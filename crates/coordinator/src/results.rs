@@ -1,8 +1,8 @@
 //! Results: checked, made durable, handed to the owner of the job.
 
 use crate::error::{
-    ApiError, BAD_RESULT, DIGEST_MISMATCH, ENGINE_VERSION as ENGINE, GONE, INTERNAL, OTHER_BYTES,
-    UNAVAILABLE,
+    ApiError, BAD_RESULT, DIGEST_MISMATCH, ENGINE_VERSION as ENGINE, GONE, INTERNAL, NO_JOB,
+    OTHER_BYTES, UNAVAILABLE,
 };
 use crate::farm::Farm;
 use crate::job::Job;
@@ -54,11 +54,22 @@ fn gone(why: &str) -> ApiError {
 impl Farm {
     /// Takes a result. Whatever the outcome, asking again is harmless.
     pub async fn take(self: &Arc<Self>, delivery: Delivery) -> Result<Taken, ApiError> {
+        let (worker, held) = (delivery.worker, (delivery.job, delivery.unit));
         let result = self.take_inner(delivery).await;
-        match &result {
-            Ok(Taken::Same) => self.metrics.duplicate(),
-            Ok(Taken::New) => {}
-            Err(_) => self.metrics.refused(),
+        let settled = match &result {
+            Ok(Taken::Same) => {
+                self.metrics.duplicate();
+                true
+            }
+            Ok(Taken::New) => false, // seen to together with the lease
+            Err(error) => {
+                self.metrics.refused();
+                [GONE, NO_JOB, OTHER_BYTES].contains(&error.kind())
+            }
+        };
+        // The worker lets go of the unit and never names it again.
+        if settled && let Some(worker) = self.state().workers.get_mut(&worker) {
+            worker.held.remove(&held);
         }
         result
     }
@@ -178,12 +189,10 @@ impl Farm {
             match fit(job, &delivery.unit) {
                 Some(Fit::Known(known)) => {
                     let compared = audit::compare(job, delivery, &known, now);
-                    worker.held.remove(&(delivery.job, delivery.unit));
                     return self.conclude(compared, delivery).map(Some);
                 }
                 Some(Fit::Wanted) => return Ok(None),
                 Some(Fit::Unwanted) => {
-                    worker.held.remove(&(delivery.job, delivery.unit));
                     if let Some(lease) = job.leases.get(&delivery.unit).copied() {
                         let at = protocol::LeaseRef {
                             job: delivery.job,

@@ -131,6 +131,29 @@ async fn cancelled_and_tried_again() {
     assert_eq!(status.units_merged, 24);
 }
 
+/// A unit that was on its way when its job ended is not held by its worker for ever, who would be given
+/// less and less.
+#[tokio::test]
+async fn late_results_free_their_worker() {
+    let rig = Rig::memory().await;
+    let held = |worker| rig.farm.state().workers[&worker].held.len();
+    let worker = rig.worker("a");
+    let cancelled = rig.submit(spp(4)).await;
+    let leases = rig.lease(worker, 3).await;
+    assert_eq!(held(worker), 3);
+    rig.farm.cancel(cancelled).await.unwrap();
+    for (i, lease) in leases.iter().enumerate() {
+        let error = rig.deliver(worker, &lease.at).await.unwrap_err();
+        assert_eq!((error.kind(), held(worker)), (GONE, 2 - i));
+    }
+    let deleted = rig.submit(spp(4)).await;
+    let leases = rig.lease(worker, 1).await;
+    rig.farm.cancel(deleted).await.unwrap();
+    rig.farm.delete(deleted).await.unwrap();
+    rig.deliver(worker, &leases[0].at).await.unwrap_err();
+    assert_eq!(held(worker), 0);
+}
+
 #[tokio::test]
 async fn time_ends_at_whole_units_and_can_be_repeated() {
     let rig = Rig::embedded().await;
