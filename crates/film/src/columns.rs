@@ -31,7 +31,7 @@ const LUMINANCE_SMALL: f32 = (1u64 << (LUMINANCE_SMALL_BITS - fixed::VALUE_BITS)
 
 impl Columns {
     /// Most samples.
-    pub const LONGEST: usize = 512;
+    pub const LONGEST: usize = 1024;
 
     /// All zero.
     pub fn new() -> Columns {

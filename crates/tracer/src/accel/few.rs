@@ -8,13 +8,20 @@
 )]
 
 use super::node::Tree;
-use crate::lanes::{self, Float, LANES, Mask, Row, V3, Wide, copysign, entry};
+use crate::lanes::{Float, Mask, Row, V3, Wide, entry};
 use crate::ray::{Hit, NONE, Ray};
 use glam::Vec3;
 
 /// Primitives up to which a tree is not faster: with 36 triangles a picture takes as long on one processor, an eighth less
 /// without a tree on another.
 const FEW: usize = 40;
+
+/// Corners of as many triangles, rounded up: such that any index fits that is cut off to so many bits.
+const CORNERS: usize = (3 * FEW).next_power_of_two();
+
+/// Corners as the rays of a group see them, none across two lines of the cache.
+#[repr(align(64))]
+struct Sheared<const N: usize>([[Row<N>; 3]; CORNERS]);
 
 /// All primitives of a world.
 #[derive(Clone, Debug)]
@@ -75,6 +82,9 @@ impl Few {
                 prim: *prim as f32,
             });
         }
+        // Of equal hits that of the first primitive counts, which has to come last here.
+        few.triangles.sort_by(|a, b| b.prim.total_cmp(&a.prim));
+        few.spheres.sort_by(|a, b| b.prim.total_cmp(&a.prim));
         Some(few)
     }
 
@@ -93,123 +103,134 @@ impl Few {
 
     /// See [`Geometry::closest_many`](super::Geometry::closest_many).
     #[inline(always)]
-    fn closest<W: Wide>(few: &Few, rays: &[Ray], hits: &mut [Hit]) -> Rest {
+    fn closest<W: Wide<N>, const N: usize>(few: &Few, rays: &[Ray], hits: &mut [Hit]) -> Rest {
         for (ray, hit) in rays.iter().zip(&mut *hits) {
             *hit = Hit::none(ray.t_max);
         }
-        let mut sheared = vec![[Row::default(); 3]; few.corners.len()];
-        let mut sorted = Sorted::default();
+        let mut sheared = Sheared::<N>([[Row([0.0; N]); 3]; CORNERS]);
+        let mut sorted = Sorted::<N>::new();
         for at in 0..rays.len() {
             if let Some(group) = sorted.push(&rays[at], at) {
-                few.trace::<W, false>(rays, group, &mut sheared, hits, &mut []);
+                few.trace::<W, N, false>(rays, group, &mut sheared, hits, &mut []);
             }
         }
         while let Some(group) = sorted.rest() {
-            few.trace::<W, false>(rays, group, &mut sheared, hits, &mut []);
+            few.trace::<W, N, false>(rays, group, &mut sheared, hits, &mut []);
         }
         sorted.alone
     }
 
     /// See [`Geometry::occluded_many`](super::Geometry::occluded_many).
     #[inline(always)]
-    fn occluded<W: Wide>(few: &Few, rays: &[Ray], blocked: &mut [bool]) -> Rest {
-        let mut sheared = vec![[Row::default(); 3]; few.corners.len()];
-        let mut sorted = Sorted::default();
+    fn occluded<W: Wide<N>, const N: usize>(few: &Few, rays: &[Ray], blocked: &mut [bool]) -> Rest {
+        let mut sheared = Sheared::<N>([[Row([0.0; N]); 3]; CORNERS]);
+        let mut sorted = Sorted::<N>::new();
         for at in 0..rays.len() {
             if let Some(group) = sorted.push(&rays[at], at) {
-                few.trace::<W, true>(rays, group, &mut sheared, &mut [], blocked);
+                few.trace::<W, N, true>(rays, group, &mut sheared, &mut [], blocked);
             }
         }
         while let Some(group) = sorted.rest() {
-            few.trace::<W, true>(rays, group, &mut sheared, &mut [], blocked);
+            few.trace::<W, N, true>(rays, group, &mut sheared, &mut [], blocked);
         }
         sorted.alone
     }
 
     #[inline(always)]
-    fn trace<W: Wide, const ANY: bool>(
+    fn trace<W: Wide<N>, const N: usize, const ANY: bool>(
         &self,
         rays: &[Ray],
-        group: Group,
-        sheared: &mut [[Row; 3]],
+        group: Group<N>,
+        sheared: &mut Sheared<N>,
         hits: &mut [Hit],
         blocked: &mut [bool],
     ) {
         match group.axis {
-            0 => self.along::<W, ANY, 0>(rays, &group, sheared, hits, blocked),
-            1 => self.along::<W, ANY, 1>(rays, &group, sheared, hits, blocked),
-            _ => self.along::<W, ANY, 2>(rays, &group, sheared, hits, blocked),
+            0 => self.along::<W, N, ANY, 0>(rays, &group, sheared, hits, blocked),
+            1 => self.along::<W, N, ANY, 1>(rays, &group, sheared, hits, blocked),
+            _ => self.along::<W, N, ANY, 2>(rays, &group, sheared, hits, blocked),
         }
     }
 
     /// Rays whose direction is longest along one axis.
     #[inline(always)]
-    fn along<W: Wide, const ANY: bool, const KZ: usize>(
+    fn along<W: Wide<N>, const N: usize, const ANY: bool, const KZ: usize>(
         &self,
         rays: &[Ray],
-        group: &Group,
-        sheared: &mut [[Row; 3]],
+        group: &Group<N>,
+        sheared: &mut Sheared<N>,
         hits: &mut [Hit],
         blocked: &mut [bool],
     ) {
         let rows: &[Row] = bytemuck::cast_slice(rays);
-        let [ox, oy, oz, dx, dy, dz, t_max, _] = lanes::gather::<W>(rows, &group.at);
+        let [ox, oy, oz, dx, dy, dz, t_max, _] = W::gather(rows, &group.at);
         let (o, d) = ([ox, oy, oz], [dx, dy, dz]);
         let (kx, ky) = ((KZ + 1) % 3, (KZ + 2) % 3);
         let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
         let shear = [d[kx] / d[KZ], d[ky] / d[KZ], one / d[KZ]];
         let start = [o[kx], o[ky], o[KZ]];
-        let mut best = Best::<W> {
+        let mut found = W::M::from_bits(0);
+        let mut best = Best::<W, N> {
             t: t_max,
             prim: W::F::splat(NO_PRIM),
-            u: zero,
+            det: one,
             v: zero,
+            w: zero,
         };
-        for (corner, to) in self.corners.iter().zip(&mut *sheared) {
-            shear_corner::<W, KZ>(corner, start, shear).store(to);
+        for (corner, to) in self.corners.iter().zip(&mut sheared.0) {
+            shear_corner::<W, N, KZ>(corner, start, shear).store(to);
         }
         for triangle in &self.triangles {
             let [a, b, c] = triangle.corners;
+            let [a, b, c] = [
+                &sheared.0[a as usize % CORNERS],
+                &sheared.0[b as usize % CORNERS],
+                &sheared.0[c as usize % CORNERS],
+            ];
             let V3 {
                 x: ax,
                 y: ay,
                 z: az,
-            } = V3::<W>::load(&sheared[a as usize]);
+            } = V3::<W, N>::load(a);
             let V3 {
                 x: bx,
                 y: by,
                 z: bz,
-            } = V3::<W>::load(&sheared[b as usize]);
+            } = V3::<W, N>::load(b);
             let V3 {
                 x: cx,
                 y: cy,
                 z: cz,
-            } = V3::<W>::load(&sheared[c as usize]);
+            } = V3::<W, N>::load(c);
             let u = cx * by - cy * bx;
             let v = ax * cy - ay * cx;
             let w = bx * ay - by * ax;
+            // No branch: among so many rays there is nearly always one inside, but not always.
             let inside = zero.le(u.min(v).min(w)) | u.max(v).max(w).le(zero);
-            if inside.to_bits() == 0 {
-                continue;
-            }
             let det = u + v + w;
             let t = (u * az + v * bz + w * cz) * shear[2] / det;
-            let prim = W::F::splat(triangle.prim);
-            let nearer = inside & zero.lt(t) & best.is_behind::<ANY>(t, prim);
-            if nearer.to_bits() != 0 {
-                best.take(nearer, t, prim, v / det, w / det);
+            let is_hit = inside & zero.lt(t);
+            if ANY {
+                found = found | (is_hit & t.lt(t_max));
+            } else {
+                best.take(is_hit & t.le(best.t), t, triangle.prim, [det, v, w]);
             }
         }
-        let (o, d) = (V3::<W>::new(ox, oy, oz), V3::<W>::new(dx, dy, dz));
+        let (o, d) = (V3::<W, N>::new(ox, oy, oz), V3::<W, N>::new(dx, dy, dz));
         for sphere in &self.spheres {
-            let (near, far) = sphere.meet::<W>(o, d);
-            let prim = W::F::splat(sphere.prim);
+            let (near, far) = sphere.meet::<W, N>(o, d);
             let t = W::F::select(zero.lt(near), near, far);
-            let nearer = zero.lt(t) & best.is_behind::<ANY>(t, prim);
-            best.take(nearer, t, prim, zero, zero);
+            let is_hit = zero.lt(t);
+            if ANY {
+                found = found | (is_hit & t.lt(t_max));
+            } else {
+                let is_first = W::F::splat(sphere.prim).lt(best.prim);
+                let nearer = t.lt(best.t) | (t.eq(best.t) & is_first);
+                best.take(is_hit & nearer, t, sphere.prim, [one, zero, zero]);
+            }
         }
         if ANY {
-            let found = best.prim.lt(W::F::splat(NO_PRIM)).to_bits();
+            let found = found.to_bits();
             for lane in 0..group.count {
                 blocked[group.at[lane] as usize] = found >> lane & 1 == 1;
             }
@@ -218,8 +239,8 @@ impl Few {
         let (mut t, mut prim, mut u, mut v) = Default::default();
         best.t.store(&mut t);
         best.prim.store(&mut prim);
-        best.u.store(&mut u);
-        best.v.store(&mut v);
+        (best.v / best.det).store(&mut u);
+        (best.w / best.det).store(&mut v);
         for lane in 0..group.count {
             let hit = &mut hits[group.at[lane] as usize];
             if prim.0[lane] < NO_PRIM {
@@ -235,40 +256,35 @@ impl Few {
     }
 }
 
-/// The best hits of eight rays so far.
-struct Best<W: Wide> {
+/// The best hits of some rays so far.
+struct Best<W: Wide<N>, const N: usize> {
     t: W::F,
     prim: W::F,
-    u: W::F,
+    /// Twice the area as the ray sees it, and the parts across from the first and the second corner; they are
+    /// divided at the end, once.
+    det: W::F,
     v: W::F,
+    w: W::F,
 }
 
-impl<W: Wide> Best<W> {
-    /// Whether a hit comes before it; equal ones count by the primitive, and block nothing.
+impl<W: Wide<N>, const N: usize> Best<W, N> {
     #[inline(always)]
-    fn is_behind<const ANY: bool>(&self, t: W::F, prim: W::F) -> W::M {
-        if ANY {
-            return t.lt(self.t);
-        }
-        t.lt(self.t) | (t.eq(self.t) & prim.lt(self.prim))
-    }
-
-    #[inline(always)]
-    fn take(&mut self, nearer: W::M, t: W::F, prim: W::F, u: W::F, v: W::F) {
+    fn take(&mut self, nearer: W::M, t: W::F, prim: f32, [det, v, w]: [W::F; 3]) {
         self.t = W::F::select(nearer, t, self.t);
-        self.prim = W::F::select(nearer, prim, self.prim);
-        self.u = W::F::select(nearer, u, self.u);
+        self.prim = W::F::select(nearer, W::F::splat(prim), self.prim);
+        self.det = W::F::select(nearer, det, self.det);
         self.v = W::F::select(nearer, v, self.v);
+        self.w = W::F::select(nearer, w, self.w);
     }
 }
 
 /// A corner relative to the origins, sheared so that the rays run along z; see the kernel.
 #[inline(always)]
-fn shear_corner<W: Wide, const KZ: usize>(
+fn shear_corner<W: Wide<N>, const N: usize, const KZ: usize>(
     corner: &[f32; 3],
     start: [W::F; 3],
     shear: [W::F; 3],
-) -> V3<W> {
+) -> V3<W, N> {
     let z = W::F::splat(corner[KZ]) - start[2];
     let x = W::F::splat(corner[(KZ + 1) % 3]) - start[0] - shear[0] * z;
     let y = W::F::splat(corner[(KZ + 2) % 3]) - start[1] - shear[1] * z;
@@ -279,7 +295,7 @@ impl Sphere {
     /// Where rays meet it, rising; negative or NaN where they do not. See
     /// [`Quadric::intersect`](crate::geometry::quadric::Quadric::intersect).
     #[inline(always)]
-    fn meet<W: Wide>(&self, origin: V3<W>, d: V3<W>) -> (W::F, W::F) {
+    fn meet<W: Wide<N>, const N: usize>(&self, origin: V3<W, N>, d: V3<W, N>) -> (W::F, W::F) {
         let (zero, none) = (W::F::splat(0.0), W::F::splat(-1.0));
         let radius = W::F::splat(self.radius);
         let o = origin - V3::splat(self.center);
@@ -289,7 +305,7 @@ impl Sphere {
         let l = o + d * (b / a);
         let discriminant = radius * radius - l.dot(l);
         let missed = discriminant.lt(zero);
-        let q = b + copysign::<W>((discriminant * a).sqrt(), b);
+        let q = b + (discriminant * a).sqrt().copysign(b);
         let (t0, t1) = (c / q, q / a);
         let in_order = t0.lt(t1);
         let near = W::F::select(in_order, t0, t1);
@@ -302,16 +318,15 @@ impl Sphere {
 }
 
 /// Up to eight rays whose directions are longest along the same axis; the last is repeated.
-struct Group {
+struct Group<const N: usize> {
     axis: usize,
-    at: [u32; LANES],
+    at: [u32; N],
     count: usize,
 }
 
 /// Rays by the axis along which their directions are longest, as the kernel picks it.
-#[derive(Default)]
-struct Sorted {
-    at: [[u32; LANES]; 3],
+struct Sorted<const N: usize> {
+    at: [[u32; N]; 3],
     count: [usize; 3],
     alone: Rest,
 }
@@ -333,10 +348,19 @@ impl Rest {
     }
 }
 
-impl Sorted {
+impl<const N: usize> Sorted<N> {
+    #[inline(always)]
+    fn new() -> Self {
+        Sorted {
+            at: [[0; N]; 3],
+            count: [0; 3],
+            alone: Rest::default(),
+        }
+    }
+
     /// Takes a ray; a group if it is complete now.
     #[inline(always)]
-    fn push(&mut self, ray: &Ray, at: usize) -> Option<Group> {
+    fn push(&mut self, ray: &Ray, at: usize) -> Option<Group<N>> {
         let [x, y, z] = [
             ray.direction.x.abs(),
             ray.direction.y.abs(),
@@ -351,20 +375,20 @@ impl Sorted {
         };
         self.at[axis][self.count[axis]] = at as u32;
         self.count[axis] += 1;
-        if self.count[axis] < LANES {
+        if self.count[axis] < N {
             return None;
         }
         self.count[axis] = 0;
         Some(Group {
             axis,
             at: self.at[axis],
-            count: LANES,
+            count: N,
         })
     }
 
     /// What is left, one group after another.
     #[inline(always)]
-    fn rest(&mut self) -> Option<Group> {
+    fn rest(&mut self) -> Option<Group<N>> {
         for axis in 0..3 {
             let count = std::mem::take(&mut self.count[axis]);
             if count < WORTH {
@@ -374,7 +398,7 @@ impl Sorted {
                 }
             } else {
                 let mut at = self.at[axis];
-                for lane in count..LANES {
+                for lane in count..N {
                     at[lane] = at[count - 1];
                 }
                 return Some(Group { axis, at, count });

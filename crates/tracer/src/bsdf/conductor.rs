@@ -91,14 +91,14 @@ impl Conductor {
 
 /// Eight of them.
 #[derive(Clone, Copy)]
-pub(crate) struct ConductorLanes<W: Wide> {
-    eta: V3<W>,
-    k: V3<W>,
-    ggx: GgxLanes<W>,
+pub(crate) struct ConductorLanes<W: Wide<N>, const N: usize> {
+    eta: V3<W, N>,
+    k: V3<W, N>,
+    ggx: GgxLanes<W, N>,
     narrow: W::F,
 }
 
-impl<W: Wide> Lanes<W> for ConductorLanes<W> {
+impl<W: Wide<N>, const N: usize> Lanes<W, N> for ConductorLanes<W, N> {
     const AIM: AimOf = AimOf::Mirrored;
 
     #[inline(always)]
@@ -117,7 +117,7 @@ impl<W: Wide> Lanes<W> for ConductorLanes<W> {
     }
 
     #[inline(always)]
-    fn eval_pdf(&self, wo: V3<W>, wi: V3<W>) -> (V3<W>, W::F) {
+    fn eval_pdf(&self, wo: V3<W, N>, wi: V3<W, N>) -> (V3<W, N>, W::F) {
         let zero = W::F::splat(0.0);
         let nothing = self.is_delta() | (wo.z * wi.z).le(zero);
         let (wo, wi) = (wo.with_z(wo.z.abs()), wi.with_z(wi.z.abs()));
@@ -130,7 +130,7 @@ impl<W: Wide> Lanes<W> for ConductorLanes<W> {
     }
 
     #[inline(always)]
-    fn sample(&self, wo: V3<W>, _: W::F, u: (W::F, W::F)) -> Samples<W> {
+    fn sample(&self, wo: V3<W, N>, _: W::F, u: (W::F, W::F)) -> Samples<W, N> {
         let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
         let delta = self.is_delta();
         let up = wo.with_z(wo.z.abs());
@@ -152,7 +152,7 @@ impl<W: Wide> Lanes<W> for ConductorLanes<W> {
     }
 
     #[inline(always)]
-    fn albedo(&self, wo: V3<W>) -> V3<W> {
+    fn albedo(&self, wo: V3<W, N>) -> V3<W, N> {
         lanes::fresnel_conductor(wo.z.abs(), self.eta, self.k)
     }
 

@@ -198,17 +198,17 @@ impl Dielectric {
 
 /// Eight of them.
 #[derive(Clone, Copy)]
-pub(crate) struct DielectricLanes<W: Wide> {
+pub(crate) struct DielectricLanes<W: Wide<N>, const N: usize> {
     eta: W::F,
-    ggx: GgxLanes<W>,
+    ggx: GgxLanes<W, N>,
     reflect_mean: W::F,
     transmit_mean: W::F,
-    reflect_tint: V3<W>,
-    transmit_tint: V3<W>,
+    reflect_tint: V3<W, N>,
+    transmit_tint: V3<W, N>,
 }
 
 /// Eight of [`Split`].
-struct SplitLanes<W: Wide> {
+struct SplitLanes<W: Wide<N>, const N: usize> {
     r: W::F,
     cos_t: W::F,
     pr: W::F,
@@ -216,16 +216,16 @@ struct SplitLanes<W: Wide> {
     any: W::M,
 }
 
-impl<W: Wide> DielectricLanes<W> {
+impl<W: Wide<N>, const N: usize> DielectricLanes<W, N> {
     #[inline(always)]
-    fn eta_from(&self, wo: V3<W>) -> W::F {
+    fn eta_from(&self, wo: V3<W, N>) -> W::F {
         let above = W::F::splat(0.0).lt(wo.z);
         W::F::select(above, self.eta, W::F::splat(1.0) / self.eta)
     }
 
     #[inline(always)]
-    fn split(&self, cos: W::F, eta: W::F) -> SplitLanes<W> {
-        let (r, cos_t) = lanes::fresnel_dielectric::<W>(cos, eta);
+    fn split(&self, cos: W::F, eta: W::F) -> SplitLanes<W, N> {
+        let (r, cos_t) = lanes::fresnel_dielectric::<W, N>(cos, eta);
         let pr = r * self.reflect_mean;
         let pt = (W::F::splat(1.0) - r) * self.transmit_mean;
         let sum = pr + pt;
@@ -239,7 +239,7 @@ impl<W: Wide> DielectricLanes<W> {
     }
 }
 
-impl<W: Wide> Lanes<W> for DielectricLanes<W> {
+impl<W: Wide<N>, const N: usize> Lanes<W, N> for DielectricLanes<W, N> {
     const AIM: AimOf = AimOf::Anywhere;
 
     #[inline(always)]
@@ -260,7 +260,7 @@ impl<W: Wide> Lanes<W> for DielectricLanes<W> {
     }
 
     #[inline(always)]
-    fn eval_pdf(&self, wo: V3<W>, wi: V3<W>) -> (V3<W>, W::F) {
+    fn eval_pdf(&self, wo: V3<W, N>, wi: V3<W, N>) -> (V3<W, N>, W::F) {
         let (zero, one, two) = (W::F::splat(0.0), W::F::splat(1.0), W::F::splat(2.0));
         let least = W::F::splat(1e-16);
         let nothing = self.is_delta() | wo.z.abs().lt(least) | wi.z.abs().lt(least);
@@ -298,7 +298,7 @@ impl<W: Wide> Lanes<W> for DielectricLanes<W> {
     }
 
     #[inline(always)]
-    fn sample(&self, wo: V3<W>, lobe: W::F, u: (W::F, W::F)) -> Samples<W> {
+    fn sample(&self, wo: V3<W, N>, lobe: W::F, u: (W::F, W::F)) -> Samples<W, N> {
         let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
         let eta = self.eta_from(wo);
         let up = wo.with_z(wo.z.abs());
@@ -344,8 +344,8 @@ impl<W: Wide> Lanes<W> for DielectricLanes<W> {
     }
 
     #[inline(always)]
-    fn albedo(&self, wo: V3<W>) -> V3<W> {
-        let (r, _) = lanes::fresnel_dielectric::<W>(wo.z.abs(), self.eta_from(wo));
+    fn albedo(&self, wo: V3<W, N>) -> V3<W, N> {
+        let (r, _) = lanes::fresnel_dielectric::<W, N>(wo.z.abs(), self.eta_from(wo));
         self.reflect_tint * r + self.transmit_tint * (W::F::splat(1.0) - r)
     }
 }

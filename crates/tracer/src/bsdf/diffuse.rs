@@ -55,11 +55,11 @@ impl Diffuse {
 
 /// Eight of them.
 #[derive(Clone, Copy)]
-pub(crate) struct DiffuseLanes<W: Wide> {
-    r: V3<W>,
+pub(crate) struct DiffuseLanes<W: Wide<N>, const N: usize> {
+    r: V3<W, N>,
 }
 
-impl<W: Wide> Lanes<W> for DiffuseLanes<W> {
+impl<W: Wide<N>, const N: usize> Lanes<W, N> for DiffuseLanes<W, N> {
     const AIM: AimOf = AimOf::Normal;
 
     #[inline(always)]
@@ -75,7 +75,7 @@ impl<W: Wide> Lanes<W> for DiffuseLanes<W> {
     }
 
     #[inline(always)]
-    fn eval_pdf(&self, wo: V3<W>, wi: V3<W>) -> (V3<W>, W::F) {
+    fn eval_pdf(&self, wo: V3<W, N>, wi: V3<W, N>) -> (V3<W, N>, W::F) {
         let zero = W::F::splat(0.0);
         let pdf = wi.z.abs() * W::F::splat(INV_PI);
         let pdf = W::F::select((wo.z * wi.z).le(zero), zero, pdf);
@@ -83,8 +83,8 @@ impl<W: Wide> Lanes<W> for DiffuseLanes<W> {
     }
 
     #[inline(always)]
-    fn sample(&self, wo: V3<W>, _: W::F, (ux, uy): (W::F, W::F)) -> Samples<W> {
-        let (x, y, z) = sampling::lanes::cosine_hemisphere::<W>(ux, uy);
+    fn sample(&self, wo: V3<W, N>, _: W::F, (ux, uy): (W::F, W::F)) -> Samples<W, N> {
+        let (x, y, z) = sampling::lanes::cosine_hemisphere::<W, N>(ux, uy);
         let wi = lanes::to_side_of(wo, V3::new(x, y, z));
         Samples {
             wi,
@@ -97,7 +97,7 @@ impl<W: Wide> Lanes<W> for DiffuseLanes<W> {
     }
 
     #[inline(always)]
-    fn albedo(&self, _: V3<W>) -> V3<W> {
+    fn albedo(&self, _: V3<W, N>) -> V3<W, N> {
         self.r
     }
 }

@@ -131,12 +131,12 @@ pub(super) fn mirrored(w: Vec3, m: Vec3) -> Vec3 {
 
 /// Eight distributions.
 #[derive(Clone, Copy)]
-pub(super) struct GgxLanes<W: Wide> {
+pub(super) struct GgxLanes<W: Wide<N>, const N: usize> {
     pub ax: W::F,
     pub ay: W::F,
 }
 
-impl<W: Wide> GgxLanes<W> {
+impl<W: Wide<N>, const N: usize> GgxLanes<W, N> {
     #[inline(always)]
     pub fn is_smooth(&self) -> W::M {
         self.ax.eq(W::F::splat(0.0))
@@ -144,7 +144,7 @@ impl<W: Wide> GgxLanes<W> {
 
     /// See [`Ggx::d`].
     #[inline(always)]
-    pub fn d(&self, m: V3<W>) -> W::F {
+    pub fn d(&self, m: V3<W, N>) -> W::F {
         let x = m.x / self.ax;
         let y = m.y / self.ay;
         let e = x * x + y * y + m.z * m.z;
@@ -153,7 +153,7 @@ impl<W: Wide> GgxLanes<W> {
 
     /// See [`Ggx::l`].
     #[inline(always)]
-    pub fn l(&self, w: V3<W>) -> W::F {
+    pub fn l(&self, w: V3<W, N>) -> W::F {
         let x = self.ax * w.x;
         let y = self.ay * w.y;
         (x * x + y * y + w.z * w.z).sqrt()
@@ -161,19 +161,19 @@ impl<W: Wide> GgxLanes<W> {
 
     /// See [`Ggx::sample_visible`].
     #[inline(always)]
-    pub fn sample_visible(&self, wo: V3<W>, (ux, uy): (W::F, W::F)) -> V3<W> {
+    pub fn sample_visible(&self, wo: V3<W, N>, (ux, uy): (W::F, W::F)) -> V3<W, N> {
         let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
-        let stretched = V3::<W>::new(self.ax * wo.x, self.ay * wo.y, wo.z).normalized();
-        let (sin_phi, cos_phi) = sampling::lanes::sin_cos_2pi::<W>(ux);
+        let stretched = V3::<W, N>::new(self.ax * wo.x, self.ay * wo.y, wo.z).normalized();
+        let (sin_phi, cos_phi) = sampling::lanes::sin_cos_2pi::<W, N>(ux);
         let z = (one - uy) * (one + stretched.z) - stretched.z;
         let sin = ((one - z) * (one + z)).max(zero).sqrt();
-        let h = V3::<W>::new(sin * cos_phi, sin * sin_phi, z) + stretched;
-        V3::<W>::new(self.ax * h.x, self.ay * h.y, h.z.max(W::F::splat(1e-6))).normalized()
+        let h = V3::<W, N>::new(sin * cos_phi, sin * sin_phi, z) + stretched;
+        V3::<W, N>::new(self.ax * h.x, self.ay * h.y, h.z.max(W::F::splat(1e-6))).normalized()
     }
 
     /// See [`Ggx::reflection`].
     #[inline(always)]
-    pub fn reflection(&self, wo: V3<W>, wi: V3<W>) -> (W::F, W::F, W::F) {
+    pub fn reflection(&self, wo: V3<W, N>, wi: V3<W, N>) -> (W::F, W::F, W::F) {
         let half = W::F::splat(0.5);
         let m = (wo + wi).normalized();
         let d = self.d(m);
@@ -187,7 +187,7 @@ impl<W: Wide> GgxLanes<W> {
 
     /// See [`Ggx::shadowing`].
     #[inline(always)]
-    pub fn shadowing(&self, wo: V3<W>, wi: V3<W>) -> W::F {
+    pub fn shadowing(&self, wo: V3<W, N>, wi: V3<W, N>) -> W::F {
         let (lo, li) = (self.l(wo), self.l(wi));
         wi.z * (wo.z + lo) / (wi.z * lo + wo.z * li)
     }
@@ -195,7 +195,7 @@ impl<W: Wide> GgxLanes<W> {
 
 /// [`mirrored`] in lanes.
 #[inline(always)]
-pub(super) fn mirrored_lanes<W: Wide>(w: V3<W>, m: V3<W>) -> V3<W> {
+pub(super) fn mirrored_lanes<W: Wide<N>, const N: usize>(w: V3<W, N>, m: V3<W, N>) -> V3<W, N> {
     let d = w.dot(m);
     m * (W::F::splat(2.0) * d) - w
 }

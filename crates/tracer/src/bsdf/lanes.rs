@@ -7,11 +7,11 @@ use crate::lanes::{Float, Row, V3, Wide};
 pub(crate) type Params = [Row; 2];
 
 /// Eight sampled directions; see [`BsdfSample`](super::BsdfSample).
-pub(crate) struct Samples<W: Wide> {
+pub(crate) struct Samples<W: Wide<N>, const N: usize> {
     /// Where light comes from.
-    pub wi: V3<W>,
+    pub wi: V3<W, N>,
     /// f |cos| / pdf.
-    pub weight: V3<W>,
+    pub weight: V3<W, N>,
     /// Density.
     pub pdf: W::F,
     /// What roulette multiplies throughputs by, the square of it.
@@ -23,17 +23,17 @@ pub(crate) struct Samples<W: Wide> {
 }
 
 /// A scattering model in lanes.
-pub(crate) trait Lanes<W: Wide>: Copy {
+pub(crate) trait Lanes<W: Wide<N>, const N: usize>: Copy {
     /// From columns of parameters ([`Params`]).
     fn new(params: [[W::F; 8]; 2]) -> Self;
     /// Whether there are only delta lobes.
     fn is_delta(&self) -> W::M;
     /// [`Bsdf::eval_pdf`](super::Bsdf::eval_pdf).
-    fn eval_pdf(&self, wo: V3<W>, wi: V3<W>) -> (V3<W>, W::F);
+    fn eval_pdf(&self, wo: V3<W, N>, wi: V3<W, N>) -> (V3<W, N>, W::F);
     /// [`Bsdf::sample`](super::Bsdf::sample).
-    fn sample(&self, wo: V3<W>, lobe: W::F, u: (W::F, W::F)) -> Samples<W>;
+    fn sample(&self, wo: V3<W, N>, lobe: W::F, u: (W::F, W::F)) -> Samples<W, N>;
     /// [`Bsdf::albedo`](super::Bsdf::albedo).
-    fn albedo(&self, wo: V3<W>) -> V3<W>;
+    fn albedo(&self, wo: V3<W, N>) -> V3<W, N>;
     /// Which lights matter.
     const AIM: AimOf;
     /// Of a lobe about the mirrored view: how often the cosine is squared (bits); see
@@ -56,7 +56,10 @@ pub(crate) enum AimOf {
 
 /// With the z of both directions turned so that `wo` lies above.
 #[inline(always)]
-pub(super) fn upright<W: Wide>(wo: V3<W>, wi: V3<W>) -> (V3<W>, V3<W>) {
+pub(super) fn upright<W: Wide<N>, const N: usize>(
+    wo: V3<W, N>,
+    wi: V3<W, N>,
+) -> (V3<W, N>, V3<W, N>) {
     let below = wo.z.lt(W::F::splat(0.0));
     (
         wo.with_z(wo.z.abs()),
@@ -66,14 +69,20 @@ pub(super) fn upright<W: Wide>(wo: V3<W>, wi: V3<W>) -> (V3<W>, V3<W>) {
 
 /// [`super::to_side_of`].
 #[inline(always)]
-pub(super) fn to_side_of<W: Wide>(wo: V3<W>, wi: V3<W>) -> V3<W> {
+pub(super) fn to_side_of<W: Wide<N>, const N: usize>(wo: V3<W, N>, wi: V3<W, N>) -> V3<W, N> {
     let below = wo.z.lt(W::F::splat(0.0));
     wi.with_z(W::F::select(below, -wi.z, wi.z))
 }
 
 /// One channel of [`super::fresnel_conductor`].
 #[inline(always)]
-fn conductor_channel<W: Wide>(eta: W::F, k: W::F, cos: W::F, cos2: W::F, sin2: W::F) -> W::F {
+fn conductor_channel<W: Wide<N>, const N: usize>(
+    eta: W::F,
+    k: W::F,
+    cos: W::F,
+    cos2: W::F,
+    sin2: W::F,
+) -> W::F {
     let (half, two) = (W::F::splat(0.5), W::F::splat(2.0));
     let re = eta * eta - k * k - sin2;
     let im = two * eta * k;
@@ -89,21 +98,28 @@ fn conductor_channel<W: Wide>(eta: W::F, k: W::F, cos: W::F, cos2: W::F, sin2: W
 
 /// [`super::fresnel_conductor`].
 #[inline(always)]
-pub(super) fn fresnel_conductor<W: Wide>(cos: W::F, eta: V3<W>, k: V3<W>) -> V3<W> {
+pub(super) fn fresnel_conductor<W: Wide<N>, const N: usize>(
+    cos: W::F,
+    eta: V3<W, N>,
+    k: V3<W, N>,
+) -> V3<W, N> {
     let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
     let cos = cos.max(zero).min(one);
     let cos2 = cos * cos;
     let sin2 = one - cos2;
     V3 {
-        x: conductor_channel::<W>(eta.x, k.x, cos, cos2, sin2),
-        y: conductor_channel::<W>(eta.y, k.y, cos, cos2, sin2),
-        z: conductor_channel::<W>(eta.z, k.z, cos, cos2, sin2),
+        x: conductor_channel::<W, N>(eta.x, k.x, cos, cos2, sin2),
+        y: conductor_channel::<W, N>(eta.y, k.y, cos, cos2, sin2),
+        z: conductor_channel::<W, N>(eta.z, k.z, cos, cos2, sin2),
     }
 }
 
 /// [`super::fresnel_dielectric`].
 #[inline(always)]
-pub(super) fn fresnel_dielectric<W: Wide>(given: W::F, eta: W::F) -> (W::F, W::F) {
+pub(super) fn fresnel_dielectric<W: Wide<N>, const N: usize>(
+    given: W::F,
+    eta: W::F,
+) -> (W::F, W::F) {
     let (zero, one, half) = (W::F::splat(0.0), W::F::splat(1.0), W::F::splat(0.5));
     let cos = given.min(one);
     let sin2_t = (one - cos * cos) / (eta * eta);

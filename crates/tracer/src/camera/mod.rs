@@ -205,35 +205,41 @@ impl Camera {
 
     /// [`Camera::time`] and [`Camera::ray`] for eight points of the picture: origins, directions, times.
     #[inline(always)]
-    pub(crate) fn ray_in_lanes<W: Wide>(
+    pub(crate) fn ray_in_lanes<W: Wide<N>, const N: usize>(
         &self,
         at: [W::F; 2],
         lens: [W::F; 2],
         moment: W::F,
-    ) -> (V3<W>, V3<W>, W::F) {
+    ) -> (V3<W, N>, V3<W, N>, W::F) {
         let (zero, minus) = (W::F::splat(0.0), W::F::splat(-1.0));
         let (open, close) = self.shutter;
         let time = W::F::splat(open) + W::F::splat(close - open) * moment;
         let x = W::F::splat(self.origin.x) + W::F::splat(self.extent.x) * at[0];
         let y = W::F::splat(self.origin.y) + W::F::splat(self.extent.y) * at[1];
         let (mut o, mut d) = match self.kind {
-            Kind::Orthographic => (V3::<W>::new(x, y, zero), V3::<W>::new(zero, zero, minus)),
-            _ => (V3::<W>::new(zero, zero, zero), V3::<W>::new(x, y, minus)),
+            Kind::Orthographic => (
+                V3::<W, N>::new(x, y, zero),
+                V3::<W, N>::new(zero, zero, minus),
+            ),
+            _ => (
+                V3::<W, N>::new(zero, zero, zero),
+                V3::<W, N>::new(x, y, minus),
+            ),
         };
         if let Some(l) = &self.lens {
             let focus = o + d * W::F::splat(l.focus);
-            let (px, py, _) = sampling::lanes::concentric::<W>(lens[0], lens[1]);
+            let (px, py, _) = sampling::lanes::concentric::<W, N>(lens[0], lens[1]);
             let radius = W::F::splat(l.radius);
-            o = o + V3::<W>::new(px * radius * W::F::splat(l.squeeze), py * radius, zero);
+            o = o + V3::<W, N>::new(px * radius * W::F::splat(l.squeeze), py * radius, zero);
             d = focus - o;
         }
         let (to, _) = self.placement.at(open);
         let [m0, m1, m2] = [
-            V3::<W>::splat(to.m[0]),
-            V3::<W>::splat(to.m[1]),
-            V3::<W>::splat(to.m[2]),
+            V3::<W, N>::splat(to.m[0]),
+            V3::<W, N>::splat(to.m[1]),
+            V3::<W, N>::splat(to.m[2]),
         ];
-        let origin = m0 * o.x + m1 * o.y + m2 * o.z + V3::<W>::splat(to.t);
+        let origin = m0 * o.x + m1 * o.y + m2 * o.z + V3::<W, N>::splat(to.t);
         let direction = m0 * d.x + m1 * d.y + m2 * d.z;
         (origin, direction.normalized(), time)
     }

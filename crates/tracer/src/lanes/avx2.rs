@@ -29,37 +29,56 @@ impl Wide for Avx2 {
     type I = I;
     type M = M;
     #[inline(always)]
-    fn transpose(r: [F; LANES]) -> [F; LANES] {
-        // SAFETY: see the head of the module.
-        unsafe {
-            // Pairs of rows, then fours, then the halves of the registers.
-            let a = _mm256_unpacklo_ps(r[0].0, r[1].0);
-            let b = _mm256_unpackhi_ps(r[0].0, r[1].0);
-            let c = _mm256_unpacklo_ps(r[2].0, r[3].0);
-            let d = _mm256_unpackhi_ps(r[2].0, r[3].0);
-            let e = _mm256_unpacklo_ps(r[4].0, r[5].0);
-            let f = _mm256_unpackhi_ps(r[4].0, r[5].0);
-            let g = _mm256_unpacklo_ps(r[6].0, r[7].0);
-            let h = _mm256_unpackhi_ps(r[6].0, r[7].0);
-            let ac = _mm256_shuffle_ps::<0x44>(a, c);
-            let ca = _mm256_shuffle_ps::<0xEE>(a, c);
-            let bd = _mm256_shuffle_ps::<0x44>(b, d);
-            let db = _mm256_shuffle_ps::<0xEE>(b, d);
-            let eg = _mm256_shuffle_ps::<0x44>(e, g);
-            let ge = _mm256_shuffle_ps::<0xEE>(e, g);
-            let fh = _mm256_shuffle_ps::<0x44>(f, h);
-            let hf = _mm256_shuffle_ps::<0xEE>(f, h);
-            [
-                F(_mm256_permute2f128_ps::<0x20>(ac, eg)),
-                F(_mm256_permute2f128_ps::<0x20>(ca, ge)),
-                F(_mm256_permute2f128_ps::<0x20>(bd, fh)),
-                F(_mm256_permute2f128_ps::<0x20>(db, hf)),
-                F(_mm256_permute2f128_ps::<0x31>(ac, eg)),
-                F(_mm256_permute2f128_ps::<0x31>(ca, ge)),
-                F(_mm256_permute2f128_ps::<0x31>(bd, fh)),
-                F(_mm256_permute2f128_ps::<0x31>(db, hf)),
-            ]
+    fn columns(records: [&Row; LANES]) -> [F; LANES] {
+        let mut rows = [F::load(records[0]); LANES];
+        for lane in 1..LANES {
+            rows[lane] = F::load(records[lane]);
         }
+        transpose(rows)
+    }
+    #[inline(always)]
+    fn records(columns: [F; LANES]) -> [Row; LANES] {
+        let columns = transpose(columns);
+        let mut rows = [Row::default(); LANES];
+        for lane in 0..LANES {
+            columns[lane].store(&mut rows[lane]);
+        }
+        rows
+    }
+}
+
+/// Lane j of result i is lane i of operand j.
+#[inline(always)]
+fn transpose(r: [F; LANES]) -> [F; LANES] {
+    // SAFETY: see the head of the module.
+    unsafe {
+        // Pairs of rows, then fours, then the halves of the registers.
+        let a = _mm256_unpacklo_ps(r[0].0, r[1].0);
+        let b = _mm256_unpackhi_ps(r[0].0, r[1].0);
+        let c = _mm256_unpacklo_ps(r[2].0, r[3].0);
+        let d = _mm256_unpackhi_ps(r[2].0, r[3].0);
+        let e = _mm256_unpacklo_ps(r[4].0, r[5].0);
+        let f = _mm256_unpackhi_ps(r[4].0, r[5].0);
+        let g = _mm256_unpacklo_ps(r[6].0, r[7].0);
+        let h = _mm256_unpackhi_ps(r[6].0, r[7].0);
+        let ac = _mm256_shuffle_ps::<0x44>(a, c);
+        let ca = _mm256_shuffle_ps::<0xEE>(a, c);
+        let bd = _mm256_shuffle_ps::<0x44>(b, d);
+        let db = _mm256_shuffle_ps::<0xEE>(b, d);
+        let eg = _mm256_shuffle_ps::<0x44>(e, g);
+        let ge = _mm256_shuffle_ps::<0xEE>(e, g);
+        let fh = _mm256_shuffle_ps::<0x44>(f, h);
+        let hf = _mm256_shuffle_ps::<0xEE>(f, h);
+        [
+            F(_mm256_permute2f128_ps::<0x20>(ac, eg)),
+            F(_mm256_permute2f128_ps::<0x20>(ca, ge)),
+            F(_mm256_permute2f128_ps::<0x20>(bd, fh)),
+            F(_mm256_permute2f128_ps::<0x20>(db, hf)),
+            F(_mm256_permute2f128_ps::<0x31>(ac, eg)),
+            F(_mm256_permute2f128_ps::<0x31>(ca, ge)),
+            F(_mm256_permute2f128_ps::<0x31>(bd, fh)),
+            F(_mm256_permute2f128_ps::<0x31>(db, hf)),
+        ]
     }
 }
 

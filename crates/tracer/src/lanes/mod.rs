@@ -1,5 +1,5 @@
-//! Eight lanes of numbers for shading many paths at once: traits, a plain version that is the
-//! definition, and one for AVX2 that gives the same bits.
+//! Lanes of numbers for shading many paths at once: traits, a plain version that is the definition, and one
+//! of eight lanes for AVX2 and one of sixteen for AVX-512 that give the same bits.
 //!
 //! As in the traversal kernel every operation is one IEEE operation a lane: no fused multiply-add, no
 //! estimates of reciprocals. `min` and `max` return the second operand where a lane is NaN.
@@ -26,16 +26,23 @@ macro_rules! entry {
             {
                 #[target_feature(enable = "avx2")]
                 fn avx2($($arg: $type),*) -> $ret {
-                    $of::$wide::<$crate::lanes::Avx2>($($arg),*)
+                    $of::$wide::<$crate::lanes::Avx2, { $crate::lanes::LANES }>($($arg),*)
                 }
-                // AVX-512 would bring nothing but its wider copies, which slow the clock down.
+                #[target_feature(enable = "avx512f,avx512vl")]
+                fn avx512($($arg: $type),*) -> $ret {
+                    $of::$wide::<$crate::lanes::Avx512, { $crate::lanes::MOST_LANES }>($($arg),*)
+                }
+                if level >= $crate::SimdLevel::Avx512 {
+                    // SAFETY: `SimdLevel::available` has found the features on this processor.
+                    return unsafe { avx512($($arg),*) };
+                }
                 if level >= $crate::SimdLevel::Avx2 {
-                    // SAFETY: `SimdLevel::available` has found the feature on this processor.
+                    // SAFETY: as above.
                     return unsafe { avx2($($arg),*) };
                 }
             }
             let _ = level;
-            $of::$wide::<$crate::lanes::Plain>($($arg),*)
+            $of::$wide::<$crate::lanes::Plain, { $crate::lanes::LANES }>($($arg),*)
         }
     };
 }
@@ -43,39 +50,83 @@ pub(crate) use entry;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod plain;
 mod vec3;
 
 #[cfg(target_arch = "x86_64")]
 pub use avx2::Avx2;
+#[cfg(target_arch = "x86_64")]
+pub use avx512::Avx512;
 pub use plain::Plain;
 pub use vec3::{Frame3, V3};
 
 use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Sub};
 
-/// Lanes of everything in this module.
+/// Lanes where nothing else is said, and the quantities that a record holds.
 pub const LANES: usize = 8;
 
-/// Eight numbers that belong together, as they lie in memory: a lane's worth of eight quantities, or
-/// eight lanes of one.
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C, align(32))]
-pub struct Row(pub [f32; LANES]);
+/// The most lanes there are.
+pub const MOST_LANES: usize = 16;
 
-/// Instructions for eight lanes.
-pub trait Wide: Copy {
+/// Numbers that belong together, as they lie in memory: a record of eight quantities, or the lanes of one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C, align(32))]
+pub struct Row<const N: usize = LANES>(pub [f32; N]);
+
+impl Row {
+    /// Nothing but zeros.
+    pub const ZERO: Row = Row([0.0; LANES]);
+}
+
+impl<const N: usize> Default for Row<N> {
+    fn default() -> Self {
+        Row([0.0; N])
+    }
+}
+
+// SAFETY: an array of eight numbers fills the 32 bytes that it is aligned to.
+#[allow(unsafe_code)]
+unsafe impl bytemuck::Zeroable for Row {}
+// SAFETY: as above; any bits are numbers.
+#[allow(unsafe_code)]
+unsafe impl bytemuck::Pod for Row {}
+
+/// Instructions for a number of lanes.
+pub trait Wide<const N: usize = LANES>: Copy {
     /// Numbers.
-    type F: Float<I = Self::I, M = Self::M>;
+    type F: Float<N, I = Self::I, M = Self::M>;
     /// 32-bit integers.
-    type I: Int<M = Self::M>;
+    type I: Int<N, M = Self::M>;
     /// Truth values.
     type M: Mask;
-    /// Rows to columns: lane j of result i is lane i of operand j.
-    fn transpose(rows: [Self::F; LANES]) -> [Self::F; LANES];
+    /// Records to columns: lane j of result i is quantity i of record j.
+    fn columns(records: [&Row; N]) -> [Self::F; LANES];
+    /// Columns to records, the inverse of [`Wide::columns`].
+    fn records(columns: [Self::F; LANES]) -> [Row; N];
+    /// [`Wide::columns`] of records that lie side by side.
+    #[inline(always)]
+    fn turn(records: &[Row; N]) -> [Self::F; LANES] {
+        let mut found = [&records[0]; N];
+        for lane in 1..N {
+            found[lane] = &records[lane];
+        }
+        Self::columns(found)
+    }
+    /// [`Wide::columns`] of the records at some places.
+    #[inline(always)]
+    fn gather(records: &[Row], at: &[u32; N]) -> [Self::F; LANES] {
+        let mut found = [&records[at[0] as usize]; N];
+        for lane in 1..N {
+            found[lane] = &records[at[lane] as usize];
+        }
+        Self::columns(found)
+    }
 }
 
 /// Lanes of f32.
-pub trait Float:
+pub trait Float<const N: usize = LANES>:
     Copy
     + Add<Output = Self>
     + Sub<Output = Self>
@@ -84,17 +135,23 @@ pub trait Float:
     + Neg<Output = Self>
 {
     /// Integers of as many lanes.
-    type I;
+    type I: Int<N, M = Self::M>;
     /// Truth values of as many lanes.
-    type M;
+    type M: Mask;
     /// The same in every lane.
     fn splat(x: f32) -> Self;
     /// From memory.
-    fn load(from: &Row) -> Self;
+    fn load(from: &Row<N>) -> Self;
     /// To memory.
-    fn store(self, to: &mut Row);
+    fn store(self, to: &mut Row<N>);
     /// Square root.
     fn sqrt(self) -> Self;
+    /// The magnitude with the sign of another.
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        let rest = self.bits() & Self::I::splat(!SIGN);
+        Self::from_bits(rest | (sign.bits() & Self::I::splat(SIGN)))
+    }
     /// Sign cleared.
     fn abs(self) -> Self;
     /// a < b ? a : b
@@ -120,7 +177,7 @@ pub trait Float:
 }
 
 /// Lanes of 32-bit integers; arithmetic wraps.
-pub trait Int:
+pub trait Int<const N: usize = LANES>:
     Copy
     + Add<Output = Self>
     + Mul<Output = Self>
@@ -133,7 +190,7 @@ pub trait Int:
     /// The same in every lane.
     fn splat(x: u32) -> Self;
     /// From memory.
-    fn load(from: &[u32; LANES]) -> Self;
+    fn load(from: &[u32; N]) -> Self;
     /// Shifted right, zeros coming in.
     fn shr<const BY: i32>(self) -> Self;
     /// a == b
@@ -148,31 +205,8 @@ pub trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not<Output
     fn from_bits(bits: u32) -> Self;
 }
 
-/// Columns of the rows at eight places.
-#[inline(always)]
-pub fn gather<W: Wide>(rows: &[Row], at: &[u32; LANES]) -> [W::F; LANES] {
-    W::transpose([
-        W::F::load(&rows[at[0] as usize]),
-        W::F::load(&rows[at[1] as usize]),
-        W::F::load(&rows[at[2] as usize]),
-        W::F::load(&rows[at[3] as usize]),
-        W::F::load(&rows[at[4] as usize]),
-        W::F::load(&rows[at[5] as usize]),
-        W::F::load(&rows[at[6] as usize]),
-        W::F::load(&rows[at[7] as usize]),
-    ])
-}
-
 /// The bit of the sign.
 const SIGN: u32 = 0x8000_0000;
-
-/// `magnitude` with the sign of `sign`.
-#[inline(always)]
-pub fn copysign<W: Wide>(magnitude: W::F, sign: W::F) -> W::F {
-    let bit = W::I::splat(SIGN);
-    let rest = W::I::splat(!SIGN);
-    W::F::from_bits((magnitude.bits() & rest) | (sign.bits() & bit))
-}
 
 #[cfg(test)]
 mod tests;

@@ -7,30 +7,34 @@ use std::ops::{Add, BitAnd, BitOr, BitXor, Div, Mul, Neg, Not, Sub};
 #[derive(Clone, Copy)]
 pub struct Plain;
 
-/// Eight numbers.
+/// Numbers.
 #[derive(Clone, Copy)]
-pub struct F([f32; LANES]);
-/// Eight integers.
+pub struct F<const N: usize>([f32; N]);
+/// Integers.
 #[derive(Clone, Copy)]
-pub struct I([u32; LANES]);
-/// Eight truth values.
+pub struct I<const N: usize>([u32; N]);
+/// Truth values.
 #[derive(Clone, Copy)]
-pub struct M([bool; LANES]);
+pub struct M<const N: usize>([bool; N]);
 
-impl Wide for Plain {
-    type F = F;
-    type I = I;
-    type M = M;
+impl<const N: usize> Wide<N> for Plain {
+    type F = F<N>;
+    type I = I<N>;
+    type M = M<N>;
     #[inline(always)]
-    fn transpose(rows: [F; LANES]) -> [F; LANES] {
-        std::array::from_fn(|i| F(std::array::from_fn(|j| rows[j].0[i])))
+    fn columns(records: [&Row; N]) -> [F<N>; LANES] {
+        std::array::from_fn(|i| F(std::array::from_fn(|j| records[j].0[i])))
+    }
+    #[inline(always)]
+    fn records(columns: [F<N>; LANES]) -> [Row; N] {
+        std::array::from_fn(|i| Row(std::array::from_fn(|j| columns[j].0[i])))
     }
 }
 
 /// An operator that works lane by lane.
 macro_rules! lane_by_lane {
     ($type:ident, $trait:ident, $name:ident, |$a:ident, $b:ident| $of:expr) => {
-        impl $trait for $type {
+        impl<const N: usize> $trait for $type<N> {
             type Output = Self;
             #[inline(always)]
             fn $name(self, other: Self) -> Self {
@@ -55,7 +59,7 @@ lane_by_lane!(I, BitXor, bitxor, |a, b| a ^ b);
 lane_by_lane!(M, BitAnd, bitand, |a, b| a & b);
 lane_by_lane!(M, BitOr, bitor, |a, b| a | b);
 
-impl Neg for F {
+impl<const N: usize> Neg for F<N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -63,7 +67,7 @@ impl Neg for F {
     }
 }
 
-impl Not for M {
+impl<const N: usize> Not for M<N> {
     type Output = Self;
     #[inline(always)]
     fn not(self) -> Self {
@@ -71,19 +75,19 @@ impl Not for M {
     }
 }
 
-impl Float for F {
-    type I = I;
-    type M = M;
+impl<const N: usize> Float<N> for F<N> {
+    type I = I<N>;
+    type M = M<N>;
     #[inline(always)]
     fn splat(x: f32) -> Self {
-        F([x; LANES])
+        F([x; N])
     }
     #[inline(always)]
-    fn load(from: &Row) -> Self {
+    fn load(from: &Row<N>) -> Self {
         F(from.0)
     }
     #[inline(always)]
-    fn store(self, to: &mut Row) {
+    fn store(self, to: &mut Row<N>) {
         to.0 = self.0;
     }
     #[inline(always)]
@@ -103,49 +107,49 @@ impl Float for F {
         Self::select(b.lt(self), self, b)
     }
     #[inline(always)]
-    fn lt(self, b: Self) -> M {
+    fn lt(self, b: Self) -> M<N> {
         M(std::array::from_fn(|i| self.0[i] < b.0[i]))
     }
     #[inline(always)]
-    fn le(self, b: Self) -> M {
+    fn le(self, b: Self) -> M<N> {
         M(std::array::from_fn(|i| self.0[i] <= b.0[i]))
     }
     #[inline(always)]
-    fn eq(self, b: Self) -> M {
+    fn eq(self, b: Self) -> M<N> {
         M(std::array::from_fn(|i| self.0[i] == b.0[i]))
     }
     #[inline(always)]
-    fn select(mask: M, yes: Self, no: Self) -> Self {
+    fn select(mask: M<N>, yes: Self, no: Self) -> Self {
         F(std::array::from_fn(|i| {
             if mask.0[i] { yes.0[i] } else { no.0[i] }
         }))
     }
     #[inline(always)]
-    fn bits(self) -> I {
+    fn bits(self) -> I<N> {
         I(self.0.map(f32::to_bits))
     }
     #[inline(always)]
-    fn from_bits(bits: I) -> Self {
+    fn from_bits(bits: I<N>) -> Self {
         F(bits.0.map(f32::from_bits))
     }
     #[inline(always)]
-    fn from_int(x: I) -> Self {
+    fn from_int(x: I<N>) -> Self {
         F(x.0.map(|x| x as i32 as f32))
     }
     #[inline(always)]
-    fn to_int(self) -> I {
+    fn to_int(self) -> I<N> {
         I(self.0.map(|x| x as i32 as u32))
     }
 }
 
-impl Int for I {
-    type M = M;
+impl<const N: usize> Int<N> for I<N> {
+    type M = M<N>;
     #[inline(always)]
     fn splat(x: u32) -> Self {
-        I([x; LANES])
+        I([x; N])
     }
     #[inline(always)]
-    fn load(from: &[u32; LANES]) -> Self {
+    fn load(from: &[u32; N]) -> Self {
         I(*from)
     }
     #[inline(always)]
@@ -153,15 +157,15 @@ impl Int for I {
         I(self.0.map(|x| x >> BY))
     }
     #[inline(always)]
-    fn eq(self, b: Self) -> M {
+    fn eq(self, b: Self) -> M<N> {
         M(std::array::from_fn(|i| self.0[i] == b.0[i]))
     }
 }
 
-impl Mask for M {
+impl<const N: usize> Mask for M<N> {
     #[inline(always)]
     fn to_bits(self) -> u32 {
-        (0..LANES).fold(0, |bits, i| bits | (self.0[i] as u32) << i)
+        (0..N).fold(0, |bits, i| bits | (self.0[i] as u32) << i)
     }
     #[inline(always)]
     fn from_bits(bits: u32) -> Self {

@@ -31,10 +31,10 @@ fn numbers() -> Vec<f32> {
 
 /// What all operations give for two rows of operands.
 #[inline(always)]
-fn all<W: Wide>(a: &Row, b: &Row, out: &mut Vec<Row>) {
+fn all<W: Wide<N>, const N: usize>(a: &Row<N>, b: &Row<N>, out: &mut Vec<Row<N>>) {
     let (x, y) = (W::F::load(a), W::F::load(b));
     let (i, j) = (x.bits(), y.bits());
-    let half = W::M::from_bits(0b1010_0110);
+    let half = W::M::from_bits(0b1010_0110_1010_0110);
     let less = W::F::select(x.lt(y), x, y);
     let values = [
         x + y,
@@ -49,7 +49,7 @@ fn all<W: Wide>(a: &Row, b: &Row, out: &mut Vec<Row>) {
         less,
         W::F::select(x.le(y) | half, x, y),
         W::F::select(!x.eq(y) & half, x, y),
-        copysign::<W>(x, y),
+        x.copysign(y),
         W::F::from_bits(i + j),
         W::F::from_bits(i * j),
         W::F::from_bits((i & j) ^ (i | W::I::splat(0x55))),
@@ -64,36 +64,36 @@ fn all<W: Wide>(a: &Row, b: &Row, out: &mut Vec<Row>) {
         value.store(&mut row);
         out.push(row);
     }
-    let columns = W::transpose([x, y, x + y, x - y, y, x, x * y, -y]);
-    for value in columns {
-        let mut row = Row::default();
-        value.store(&mut row);
-        out.push(row);
+    let columns = [x, y, x + y, x - y, y, x, x * y, -y];
+    let records = W::records(columns);
+    for at in [W::turn(&records), W::gather(&records, &[3; N])] {
+        for value in at {
+            let mut row = Row::default();
+            value.store(&mut row);
+            out.push(row);
+        }
     }
-    out.push(Row([x.lt(y).to_bits() as f32; LANES]));
+    out.extend(records.chunks(N / LANES).map(|of| {
+        let mut row = Row::default();
+        let all: Vec<f32> = of.iter().flat_map(|r| r.0).collect();
+        row.0.copy_from_slice(&all);
+        row
+    }));
+    out.push(Row([x.lt(y).to_bits() as f32; N]));
 }
 
-#[cfg(target_arch = "x86_64")]
-#[test]
-#[allow(unsafe_code)]
-fn avx2_gives_the_bits_of_plain_arrays() {
-    #[target_feature(enable = "avx2")]
-    fn avx2(a: &Row, b: &Row, out: &mut Vec<Row>) {
-        all::<Avx2>(a, b, out);
-    }
-    if crate::SimdLevel::best() < crate::SimdLevel::Avx2 {
-        return;
-    }
+/// Compares what a level gives with plain arrays.
+fn compare<const N: usize>(level: fn(&Row<N>, &Row<N>, &mut Vec<Row<N>>)) {
     let numbers = numbers();
-    let (rows, _) = numbers.as_chunks::<LANES>();
+    let (rows, _) = numbers.as_chunks::<N>();
     for a in rows {
         for b in rows {
             let (mut plain, mut wide) = (vec![], vec![]);
-            all::<Plain>(&Row(*a), &Row(*b), &mut plain);
-            // SAFETY: the processor has AVX2.
-            unsafe { avx2(&Row(*a), &Row(*b), &mut wide) };
+            all::<Plain, N>(&Row(*a), &Row(*b), &mut plain);
+            level(&Row(*a), &Row(*b), &mut wide);
+            assert_eq!(plain.len(), wide.len());
             for (n, (p, w)) in plain.iter().zip(&wide).enumerate() {
-                for lane in 0..LANES {
+                for lane in 0..N {
                     let (p, w) = (p.0[lane], w.0[lane]);
                     // Which NaN comes out of arithmetic is nobody's business.
                     let same = p.to_bits() == w.to_bits() || (p.is_nan() && w.is_nan());
@@ -102,6 +102,53 @@ fn avx2_gives_the_bits_of_plain_arrays() {
             }
         }
     }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[test]
+#[allow(unsafe_code)]
+fn avx2_gives_the_bits_of_plain_arrays() {
+    #[target_feature(enable = "avx2")]
+    fn avx2(a: &Row, b: &Row, out: &mut Vec<Row>) {
+        all::<Avx2, LANES>(a, b, out);
+    }
+    if crate::SimdLevel::best() < crate::SimdLevel::Avx2 {
+        return;
+    }
+    // SAFETY: the processor has AVX2.
+    compare::<LANES>(|a, b, out| unsafe { avx2(a, b, out) });
+}
+
+#[cfg(target_arch = "x86_64")]
+#[test]
+#[allow(unsafe_code)]
+fn avx512_gives_the_bits_of_plain_arrays() {
+    #[target_feature(enable = "avx512f,avx512vl")]
+    fn avx512(a: &Row<MOST_LANES>, b: &Row<MOST_LANES>, out: &mut Vec<Row<MOST_LANES>>) {
+        all::<Avx512, MOST_LANES>(a, b, out);
+    }
+    if crate::SimdLevel::best() < crate::SimdLevel::Avx512 {
+        return;
+    }
+    // SAFETY: the processor has AVX-512.
+    compare::<MOST_LANES>(|a, b, out| unsafe { avx512(a, b, out) });
+}
+
+#[test]
+fn columns_and_records_are_turned_about() {
+    let mut records = [Row::ZERO; MOST_LANES];
+    for (j, record) in records.iter_mut().enumerate() {
+        *record = Row(std::array::from_fn(|i| (10 * j + i) as f32));
+    }
+    let columns = <Plain as Wide<MOST_LANES>>::turn(&records);
+    for (i, column) in columns.into_iter().enumerate() {
+        let mut row = Row::default();
+        column.store(&mut row);
+        for (j, x) in row.0.into_iter().enumerate() {
+            assert_eq!(x, (10 * j + i) as f32);
+        }
+    }
+    assert_eq!(<Plain as Wide<MOST_LANES>>::records(columns), records);
 }
 
 #[test]
@@ -118,7 +165,7 @@ fn frames_and_vectors_round_as_single_ones_do() {
         .collect();
     for pair in vectors.windows(2) {
         let (a, b) = (pair[0], pair[1]);
-        let (wa, wb) = (V3::<Plain>::splat(a), V3::<Plain>::splat(b));
+        let (wa, wb) = (V3::<Plain, LANES>::splat(a), V3::<Plain, LANES>::splat(b));
         let n = normalize(a);
         let (frame, wide) = (Frame::from_normal(n), Frame3::from_normal(wa.normalized()));
         let expected = [

@@ -1,11 +1,11 @@
 //! Vectors of three, a lane each, with the roundings of `glam` and of [`crate::math`].
 
-use super::{Float, Row, Wide};
+use super::{Float, LANES, Row, Wide};
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Eight vectors.
+/// A vector in each lane.
 #[derive(Clone, Copy)]
-pub struct V3<W: Wide> {
+pub struct V3<W: Wide<N>, const N: usize = LANES> {
     /// First components.
     pub x: W::F,
     /// Second components.
@@ -14,7 +14,7 @@ pub struct V3<W: Wide> {
     pub z: W::F,
 }
 
-impl<W: Wide> V3<W> {
+impl<W: Wide<N>, const N: usize> V3<W, N> {
     /// Of components.
     #[inline(always)]
     pub fn new(x: W::F, y: W::F, z: W::F) -> Self {
@@ -33,7 +33,7 @@ impl<W: Wide> V3<W> {
 
     /// From three rows of lanes.
     #[inline(always)]
-    pub fn load(rows: &[Row; 3]) -> Self {
+    pub fn load(rows: &[Row<N>; 3]) -> Self {
         V3 {
             x: W::F::load(&rows[0]),
             y: W::F::load(&rows[1]),
@@ -43,7 +43,7 @@ impl<W: Wide> V3<W> {
 
     /// To three rows of lanes.
     #[inline(always)]
-    pub fn store(self, rows: &mut [Row; 3]) {
+    pub fn store(self, rows: &mut [Row<N>; 3]) {
         self.x.store(&mut rows[0]);
         self.y.store(&mut rows[1]);
         self.z.store(&mut rows[2]);
@@ -123,7 +123,7 @@ impl<W: Wide> V3<W> {
     }
 }
 
-impl<W: Wide> Add for V3<W> {
+impl<W: Wide<N>, const N: usize> Add for V3<W, N> {
     type Output = Self;
     #[inline(always)]
     fn add(self, b: Self) -> Self {
@@ -135,7 +135,7 @@ impl<W: Wide> Add for V3<W> {
     }
 }
 
-impl<W: Wide> Sub for V3<W> {
+impl<W: Wide<N>, const N: usize> Sub for V3<W, N> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, b: Self) -> Self {
@@ -148,7 +148,7 @@ impl<W: Wide> Sub for V3<W> {
 }
 
 /// By a number a lane.
-impl<W: Wide> Mul<W::F> for V3<W> {
+impl<W: Wide<N>, const N: usize> Mul<W::F> for V3<W, N> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, b: W::F) -> Self {
@@ -160,7 +160,7 @@ impl<W: Wide> Mul<W::F> for V3<W> {
     }
 }
 
-impl<W: Wide> Neg for V3<W> {
+impl<W: Wide<N>, const N: usize> Neg for V3<W, N> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
@@ -172,20 +172,20 @@ impl<W: Wide> Neg for V3<W> {
     }
 }
 
-/// Eight frames about normals; see [`crate::math::Frame::from_normal`].
+/// Frames about normals; see [`crate::math::Frame::from_normal`].
 #[derive(Clone, Copy)]
-pub struct Frame3<W: Wide> {
-    s: V3<W>,
-    t: V3<W>,
-    n: V3<W>,
+pub struct Frame3<W: Wide<N>, const N: usize = LANES> {
+    s: V3<W, N>,
+    t: V3<W, N>,
+    n: V3<W, N>,
 }
 
-impl<W: Wide> Frame3<W> {
+impl<W: Wide<N>, const N: usize> Frame3<W, N> {
     /// About unit vectors.
     #[inline(always)]
-    pub fn from_normal(n: V3<W>) -> Self {
+    pub fn from_normal(n: V3<W, N>) -> Self {
         let one = W::F::splat(1.0);
-        let sign = super::copysign::<W>(one, n.z);
+        let sign = one.copysign(n.z);
         let a = W::F::splat(-1.0) / (sign + n.z);
         let b = n.x * n.y * a;
         Frame3 {
@@ -197,13 +197,13 @@ impl<W: Wide> Frame3<W> {
 
     /// World to local.
     #[inline(always)]
-    pub fn to_local(self, v: V3<W>) -> V3<W> {
+    pub fn to_local(self, v: V3<W, N>) -> V3<W, N> {
         V3::new(v.dot(self.s), v.dot(self.t), v.dot(self.n))
     }
 
     /// Local to world.
     #[inline(always)]
-    pub fn to_world(self, v: V3<W>) -> V3<W> {
+    pub fn to_world(self, v: V3<W, N>) -> V3<W, N> {
         self.s * v.x + self.t * v.y + self.n * v.z
     }
 }

@@ -81,10 +81,13 @@ pub fn event(reversed: u32, keys: &Keys, nth: u32) -> [f32; EVENT] {
 
 /// [`camera`] for eight samples, as [`event_in_lanes`].
 #[inline(always)]
-pub fn camera_in_lanes<W: Wide>(reversed: W::I, shifts: [W::F; EVENT]) -> [W::F; CAMERA] {
+pub fn camera_in_lanes<W: Wide<N>, const N: usize>(
+    reversed: W::I,
+    shifts: [W::F; EVENT],
+) -> [W::F; CAMERA] {
     let mut numbers = [shifts[0]; CAMERA];
     for j in 0..CAMERA {
-        numbers[j] = point_in_lanes::<W>(reversed, VECTOR[j], shifts[j]);
+        numbers[j] = point_in_lanes::<W, N>(reversed, VECTOR[j], shifts[j]);
     }
     numbers
 }
@@ -92,7 +95,7 @@ pub fn camera_in_lanes<W: Wide>(reversed: W::I, shifts: [W::F; EVENT]) -> [W::F;
 /// [`event`] for eight samples, each with its keys: `shifts` are the bits of one dimension's shifts
 /// after another's.
 #[inline(always)]
-pub fn event_in_lanes<W: Wide>(
+pub fn event_in_lanes<W: Wide<N>, const N: usize>(
     reversed: W::I,
     orders: W::I,
     shifts: [W::F; EVENT],
@@ -101,18 +104,18 @@ pub fn event_in_lanes<W: Wide>(
     let (phi, from) = if nth < JOINT {
         (reversed, CAMERA + nth as usize * EVENT)
     } else {
-        (owen_in_lanes::<W>(reversed, orders), CAMERA)
+        (owen_in_lanes::<W, N>(reversed, orders), CAMERA)
     };
     let mut numbers = shifts;
     for j in 0..EVENT {
-        numbers[j] = point_in_lanes::<W>(phi, VECTOR[from + j], shifts[j]);
+        numbers[j] = point_in_lanes::<W, N>(phi, VECTOR[from + j], shifts[j]);
     }
     numbers
 }
 
 /// [`point`] in lanes.
 #[inline(always)]
-fn point_in_lanes<W: Wide>(phi: W::I, z: u32, shift: W::F) -> W::F {
+fn point_in_lanes<W: Wide<N>, const N: usize>(phi: W::I, z: u32, shift: W::F) -> W::F {
     let bits = phi * W::I::splat(z) + shift.bits();
     W::F::from_int(bits.shr::<8>()) * W::F::splat(1.0 / 16_777_216.0)
 }

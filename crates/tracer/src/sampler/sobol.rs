@@ -90,7 +90,7 @@ pub(super) fn owen(x: u32, key: u32) -> u32 {
 
 /// [`owen`] in lanes.
 #[inline(always)]
-pub(super) fn owen_in_lanes<W: Wide>(x: W::I, key: W::I) -> W::I {
+pub(super) fn owen_in_lanes<W: Wide<N>, const N: usize>(x: W::I, key: W::I) -> W::I {
     let x = x ^ (x * W::I::splat(0x3D20_ADEA));
     let x = x + key;
     let x = x * (key.shr::<16>() | W::I::splat(1));

@@ -4,39 +4,43 @@
 use super::Wave;
 use super::paths::{self, Group, Paths, Place};
 use crate::geometry::interaction::{ROUNDING, ROUNDING_OF_CORNERS};
-use crate::lanes::{Float, LANES, Mask, Row, V3, Wide};
+use crate::lanes::{Float, Mask, Row, V3, Wide};
 
 /// Works out the vertices of hits on triangles that have records.
 #[inline(always)]
-pub(super) fn find_flat<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+pub(super) fn find_flat<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
     let tables = &wave.scene.stream;
-    for places in places.chunks(LANES) {
+    for places in places.chunks(N) {
         let group = Group::new(places);
-        let mut records = [[Row::default(); LANES]; 2];
+        let mut records = [[&Row::ZERO; N]; 2];
         let (mut u, mut v) = (Row::default(), Row::default());
-        for lane in 0..LANES {
+        for lane in 0..N {
             let hit = paths.hit_of(group.rays[lane]);
             let record = tables.record(hit.prim);
-            records[0][lane] = record.0[0];
-            records[1][lane] = record.0[1];
+            records[0][lane] = &record.0[0];
+            records[1][lane] = &record.0[1];
             u.0[lane] = hit.u;
             v.0[lane] = hit.v;
         }
-        let [ax, ay, az, bx, by, bz, cx, cy] = paths::columns::<W>(&records[0]);
-        let [cz, nx, ny, nz, size, r, g, b] = paths::columns::<W>(&records[1]);
+        let [ax, ay, az, bx, by, bz, cx, cy] = W::columns(records[0]);
+        let [cz, nx, ny, nz, size, r, g, b] = W::columns(records[1]);
         let (u, v) = (W::F::load(&u), W::F::load(&v));
         let w = W::F::splat(1.0) - u - v;
-        let p = V3::<W>::new(ax, ay, az) * w
-            + V3::<W>::new(bx, by, bz) * u
-            + V3::<W>::new(cx, cy, cz) * v;
+        let p = V3::<W, N>::new(ax, ay, az) * w
+            + V3::<W, N>::new(bx, by, bz) * u
+            + V3::<W, N>::new(cx, cy, cz) * v;
         let error = p.largest() * W::F::splat(ROUNDING) + size;
         let zero = W::F::splat(0.0);
-        paths::scatter::<W>(
+        paths::scatter::<W, N>(
             &mut paths.point,
             &group.slots,
             [p.x, p.y, p.z, error, nx, ny, nz, zero],
         );
-        paths::scatter::<W>(
+        paths::scatter::<W, N>(
             &mut paths.surface,
             &group.slots,
             [nx, ny, nz, r, g, b, zero, zero],
@@ -46,24 +50,28 @@ pub(super) fn find_flat<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place
 
 /// Works out the vertices of hits on spheres.
 #[inline(always)]
-pub(super) fn find_spheres<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+pub(super) fn find_spheres<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
     let tables = &wave.scene.stream;
-    for places in places.chunks(LANES) {
+    for places in places.chunks(N) {
         let group = Group::new(places);
-        let mut records = [[Row::default(); LANES]; 2];
+        let mut records = [[&Row::ZERO; N]; 2];
         let mut t = Row::default();
-        for lane in 0..LANES {
+        for lane in 0..N {
             let hit = paths.hit_of(group.rays[lane]);
             let record = tables.record(hit.prim);
-            records[0][lane] = record.0[0];
-            records[1][lane] = record.0[1];
+            records[0][lane] = &record.0[0];
+            records[1][lane] = &record.0[1];
             t.0[lane] = hit.t;
         }
-        let [cx, cy, cz, radius, side, ..] = paths::columns::<W>(&records[0]);
-        let [.., r, g, b] = paths::columns::<W>(&records[1]);
-        let [ox, oy, oz, dx, dy, dz, ..] = paths::gather::<W>(paths.rays(), &group.rays);
-        let center = V3::<W>::new(cx, cy, cz);
-        let (o, d) = (V3::<W>::new(ox, oy, oz), V3::<W>::new(dx, dy, dz));
+        let [cx, cy, cz, radius, side, ..] = W::columns(records[0]);
+        let [.., r, g, b] = W::columns(records[1]);
+        let [ox, oy, oz, dx, dy, dz, ..] = W::gather(paths.rays(), &group.rays);
+        let center = V3::<W, N>::new(cx, cy, cz);
+        let (o, d) = (V3::<W, N>::new(ox, oy, oz), V3::<W, N>::new(dx, dy, dz));
         let n = (o + d * W::F::load(&t) - center).normalized();
         let p = center + n * radius;
         let turned = side.lt(W::F::splat(0.0));
@@ -71,12 +79,12 @@ pub(super) fn find_spheres<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Pl
         let error =
             (p.largest() + center.largest() + (p - center).largest()) * W::F::splat(ROUNDING);
         let zero = W::F::splat(0.0);
-        paths::scatter::<W>(
+        paths::scatter::<W, N>(
             &mut paths.point,
             &group.slots,
             [p.x, p.y, p.z, error, n.x, n.y, n.z, zero],
         );
-        paths::scatter::<W>(
+        paths::scatter::<W, N>(
             &mut paths.surface,
             &group.slots,
             [n.x, n.y, n.z, r, g, b, zero, zero],
@@ -86,16 +94,20 @@ pub(super) fn find_spheres<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Pl
 
 /// Works out the vertices of hits on meshes.
 #[inline(always)]
-pub(super) fn find_meshes<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+pub(super) fn find_meshes<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
     let geometry = &wave.scene.geometry;
-    for places in places.chunks(LANES) {
+    for places in places.chunks(N) {
         let group = Group::new(places);
         let mut corners = [[Row::default(); 3]; 3];
         let mut normals = [[Row::default(); 3]; 3];
         let (mut u, mut v) = (Row::default(), Row::default());
         let mut given = [Row::default(); 3];
         let (mut flipped, mut smooth) = (0, 0);
-        for lane in 0..LANES {
+        for lane in 0..N {
             let hit = paths.hit_of(group.rays[lane]);
             let at = geometry.world.prims[hit.prim as usize];
             let surface = &geometry.surfaces[at.surface as usize];
@@ -125,9 +137,9 @@ pub(super) fn find_meshes<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Pla
         }
         let (u, v) = (W::F::load(&u), W::F::load(&v));
         let w = W::F::splat(1.0) - u - v;
-        let a = V3::<W>::load(&corners[0]);
-        let b = V3::<W>::load(&corners[1]);
-        let c = V3::<W>::load(&corners[2]);
+        let a = V3::<W, N>::load(&corners[0]);
+        let b = V3::<W, N>::load(&corners[1]);
+        let c = V3::<W, N>::load(&corners[2]);
         let (e1, e2) = (b - a, c - a);
         let p = a * w + b * u + c * v;
         let size = e1.largest() + e2.largest();
@@ -136,9 +148,9 @@ pub(super) fn find_meshes<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Pla
         ng = V3::select(W::M::from_bits(flipped), -ng, ng);
         let mut ns = ng;
         if smooth != 0 {
-            let n = V3::<W>::load(&normals[0]) * w
-                + V3::<W>::load(&normals[1]) * u
-                + V3::<W>::load(&normals[2]) * v;
+            let n = V3::<W, N>::load(&normals[0]) * w
+                + V3::<W, N>::load(&normals[1]) * u
+                + V3::<W, N>::load(&normals[2]) * v;
             let zero = W::F::splat(0.0);
             let length2 = n.dot(n);
             // Lanes without normals have zeros here.
@@ -149,13 +161,13 @@ pub(super) fn find_meshes<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Pla
             ng = V3::select(inside, -ng, ng);
         }
         let zero = W::F::splat(0.0);
-        paths::scatter::<W>(
+        paths::scatter::<W, N>(
             &mut paths.point,
             &group.slots,
             [p.x, p.y, p.z, error, ng.x, ng.y, ng.z, zero],
         );
-        let given = V3::<W>::load(&given);
-        paths::scatter::<W>(
+        let given = V3::<W, N>::load(&given);
+        paths::scatter::<W, N>(
             &mut paths.surface,
             &group.slots,
             [ns.x, ns.y, ns.z, given.x, given.y, given.z, zero, zero],

@@ -1,4 +1,4 @@
-//! Light sampling for eight points at once.
+//! Light sampling for as many points at once as there are lanes.
 
 use super::Wave;
 use super::paths::{Group, Paths, Place};
@@ -10,15 +10,15 @@ use crate::sampling;
 use glam::{Vec2, Vec3};
 
 /// Light from a sampled point or direction, see [`LightSample`](crate::light::LightSample).
-pub(super) struct Arriving<W: Wide> {
+pub(super) struct Arriving<W: Wide<N>, const N: usize> {
     /// Towards the light.
-    pub wi: V3<W>,
+    pub wi: V3<W, N>,
     /// The point of the light.
-    pub target: V3<W>,
+    pub target: V3<W, N>,
     /// There is no such point: it lies at infinity.
     pub at_infinity: W::M,
     /// Radiance.
-    pub li: V3<W>,
+    pub li: V3<W, N>,
     /// Density of the direction, the choice of the light not included.
     pub pdf: W::F,
     /// No direction sampled otherwise meets the light.
@@ -31,11 +31,11 @@ pub(super) struct Arriving<W: Wide> {
 const DARK: u32 = u32::MAX;
 
 /// What light is asked for: by which paths, and which lights were chosen.
-struct Asked<'a> {
+struct Asked<'a, const N: usize> {
     wave: &'a Wave<'a>,
     paths: &'a Paths,
-    group: &'a Group,
-    lights: [u32; LANES],
+    group: &'a Group<N>,
+    lights: [u32; N],
 }
 
 /// Chooses a light for each vertex, unless there is only one.
@@ -66,13 +66,13 @@ pub(super) fn choose(wave: &Wave, paths: &mut Paths, model: Model, places: &[Pla
 /// Samples the lights chosen for eight points with two numbers each; also the probabilities of the
 /// choice.
 #[inline(always)]
-pub(super) fn sample<W: Wide>(
+pub(super) fn sample<W: Wide<N>, const N: usize>(
     wave: &Wave,
     paths: &Paths,
-    group: &Group,
-    from: V3<W>,
+    group: &Group<N>,
+    from: V3<W, N>,
     u: (W::F, W::F),
-) -> (Arriving<W>, W::F) {
+) -> (Arriving<W, N>, W::F) {
     let tables = &wave.scene.stream;
     let one = W::F::splat(1.0);
     if let Some(light) = tables.only() {
@@ -80,26 +80,26 @@ pub(super) fn sample<W: Wide>(
             wave,
             paths,
             group,
-            lights: [light; LANES],
+            lights: [light; N],
         };
         let arriving = match tables.lamp(light) {
             Some(lamp) => {
                 let same = [
-                    spread::<W>(lamp, 0),
-                    spread::<W>(lamp, 1),
-                    spread::<W>(lamp, 2),
+                    spread::<W, N>(lamp, 0),
+                    spread::<W, N>(lamp, 1),
+                    spread::<W, N>(lamp, 2),
                 ];
-                lamps::<W>(&asked, lamp.is_sphere, same, from, u)
+                lamps::<W, N>(&asked, lamp.is_sphere, same, from, u)
             }
-            None => one_by_one::<W>(&asked),
+            None => one_by_one::<W, N>(&asked),
         };
         return (arriving, one);
     }
-    let mut lights = [DARK; LANES];
+    let mut lights = [DARK; N];
     let mut pmf = Row::default();
-    let mut chosen = [None; LANES];
+    let mut chosen = [None; N];
     let mut spheres = 0;
-    for lane in 0..LANES {
+    for lane in 0..N {
         let slot = group.slots[lane] as usize;
         pmf.0[lane] = paths.point[slot].0[7];
         lights[lane] = paths.surface[slot].0[6].to_bits();
@@ -115,64 +115,60 @@ pub(super) fn sample<W: Wide>(
         group,
         lights,
     };
-    let [
-        Some(a),
-        Some(b),
-        Some(c),
-        Some(d),
-        Some(e),
-        Some(f),
-        Some(g),
-        Some(h),
-    ] = chosen
-    else {
-        return (one_by_one::<W>(&asked), pmf);
+    let Some(first) = chosen[0] else {
+        return (one_by_one::<W, N>(&asked), pmf);
     };
-    if spheres % LANES != 0 {
-        return (one_by_one::<W>(&asked), pmf);
+    let mut all = [first; N];
+    for lane in 1..N {
+        let Some(lamp) = chosen[lane] else {
+            return (one_by_one::<W, N>(&asked), pmf);
+        };
+        all[lane] = lamp;
     }
-    let chosen = [a, b, c, d, e, f, g, h];
+    if spheres % N != 0 {
+        return (one_by_one::<W, N>(&asked), pmf);
+    }
     let columns = [
-        columns::<W>(chosen, 0),
-        columns::<W>(chosen, 1),
-        columns::<W>(chosen, 2),
+        columns::<W, N>(all, 0),
+        columns::<W, N>(all, 1),
+        columns::<W, N>(all, 2),
     ];
-    let are_spheres = spheres == LANES;
-    let arriving = lamps::<W>(&asked, are_spheres, columns, from, u);
+    let are_spheres = spheres == N;
+    let arriving = lamps::<W, N>(&asked, are_spheres, columns, from, u);
     (arriving, pmf)
 }
 
 /// Lamps that are all flat or all spheres.
 #[inline(always)]
-fn lamps<W: Wide>(
-    asked: &Asked,
+fn lamps<W: Wide<N>, const N: usize>(
+    asked: &Asked<N>,
     are_spheres: bool,
     columns: [[W::F; LANES]; 3],
-    from: V3<W>,
+    from: V3<W, N>,
     u: (W::F, W::F),
-) -> Arriving<W> {
+) -> Arriving<W, N> {
     if !are_spheres {
-        return flat::<W>(columns, from, u);
+        return flat::<W, N>(columns, from, u);
     }
-    let (arriving, outside) = spheres::<W>(columns, from, u);
+    let (arriving, outside) = spheres::<W, N>(columns, from, u);
     if (!outside).to_bits() & asked.group.used != 0 {
-        return one_by_one::<W>(asked);
+        return one_by_one::<W, N>(asked);
     }
     arriving
 }
 
 /// The same for spheres that fill a cone; and where they do, as they do from outside.
 #[inline(always)]
-fn spheres<W: Wide>(
+fn spheres<W: Wide<N>, const N: usize>(
     lights: [[W::F; LANES]; 3],
-    from: V3<W>,
+    from: V3<W, N>,
     (ux, uy): (W::F, W::F),
-) -> (Arriving<W>, W::M) {
+) -> (Arriving<W, N>, W::M) {
     let [cx, cy, cz, radius, ..] = lights[0];
     let [.., r, g, b] = lights[1];
     let [inward, two_sided, unseen, ..] = lights[2];
     let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
-    let center = V3::<W>::new(cx, cy, cz);
+    let center = V3::<W, N>::new(cx, cy, cz);
     let d = center - from;
     let (d2, r2) = (d.dot(d), radius * radius);
     let outside = !d2.le(r2 * W::F::splat(INSIDE));
@@ -180,8 +176,8 @@ fn spheres<W: Wide>(
     let one_minus_cos = sin2 / (one + (one - sin2).sqrt());
     let one_minus_cos = one_minus_cos.max(W::F::splat(CONE_MIN));
     let distance = d.length();
-    let frame = Frame3::<W>::from_normal(d * (one / distance));
-    let local = sampling::lanes::uniform_cone::<W>(ux, uy, one_minus_cos);
+    let frame = Frame3::<W, N>::from_normal(d * (one / distance));
+    let local = sampling::lanes::uniform_cone::<W, N>(ux, uy, one_minus_cos);
     let wi = frame.to_world(local);
     let sin2 = (one - local.z * local.z).max(zero);
     let height2 = radius * radius - distance * distance * sin2;
@@ -193,7 +189,7 @@ fn spheres<W: Wide>(
     let n = (q - center).normalized() * inward;
     let cos = -n.dot(wi);
     let shines = zero.lt(cos) | (zero.lt(two_sided) & cos.lt(zero));
-    let li = V3::<W>::new(r, g, b);
+    let li = V3::<W, N>::new(r, g, b);
     let any = shines & !li.is_zero() & zero.lt(pdf) & pdf.lt(W::F::splat(f32::INFINITY));
     let arriving = Arriving {
         wi,
@@ -209,7 +205,11 @@ fn spheres<W: Wide>(
 
 /// [`AreaLight::sample_li`](crate::light::AreaLight::sample_li) for flat lights.
 #[inline(always)]
-fn flat<W: Wide>(lights: [[W::F; LANES]; 3], from: V3<W>, (ux, uy): (W::F, W::F)) -> Arriving<W> {
+fn flat<W: Wide<N>, const N: usize>(
+    lights: [[W::F; LANES]; 3],
+    from: V3<W, N>,
+    (ux, uy): (W::F, W::F),
+) -> Arriving<W, N> {
     let [px, py, pz, ax, ay, az, bx, by] = lights[0];
     let [bz, nx, ny, nz, pdf_area, r, g, b] = lights[1];
     let [is_triangle, two_sided, unseen, ..] = lights[2];
@@ -222,15 +222,15 @@ fn flat<W: Wide>(lights: [[W::F; LANES]; 3], from: V3<W>, (ux, uy): (W::F, W::F)
     let y = W::F::select(upper, uy - small, small);
     let x = W::F::select(is_triangle, x, ux);
     let y = W::F::select(is_triangle, y, uy);
-    let p = V3::<W>::new(px, py, pz);
-    let n = V3::<W>::new(nx, ny, nz);
+    let p = V3::<W, N>::new(px, py, pz);
+    let n = V3::<W, N>::new(nx, ny, nz);
     let q = p + V3::new(ax, ay, az) * x + V3::new(bx, by, bz) * y;
     let d = q - from;
     let distance2 = d.dot(d);
     let wi = d * (W::F::splat(1.0) / distance2.sqrt());
     let cos = -n.dot(wi);
     let shines = zero.lt(cos) | (zero.lt(two_sided) & cos.lt(zero));
-    let li = V3::<W>::new(r, g, b);
+    let li = V3::<W, N>::new(r, g, b);
     let pdf = pdf_area * distance2 / cos.abs();
     let any = shines & !li.is_zero() & pdf.lt(W::F::splat(f32::INFINITY)) & !distance2.eq(zero);
     Arriving {
@@ -246,7 +246,7 @@ fn flat<W: Wide>(lights: [[W::F; LANES]; 3], from: V3<W>, (ux, uy): (W::F, W::F)
 
 /// The columns of eight times the same light.
 #[inline(always)]
-fn spread<W: Wide>(light: &Lamp, row: usize) -> [W::F; LANES] {
+fn spread<W: Wide<N>, const N: usize>(light: &Lamp, row: usize) -> [W::F; LANES] {
     let mut columns = [W::F::splat(0.0); LANES];
     for (column, x) in columns.iter_mut().zip(light.rows[row].0) {
         *column = W::F::splat(x);
@@ -256,22 +256,17 @@ fn spread<W: Wide>(light: &Lamp, row: usize) -> [W::F; LANES] {
 
 /// The columns of eight lights.
 #[inline(always)]
-fn columns<W: Wide>(lights: [&Lamp; LANES], row: usize) -> [W::F; LANES] {
-    W::transpose([
-        W::F::load(&lights[0].rows[row]),
-        W::F::load(&lights[1].rows[row]),
-        W::F::load(&lights[2].rows[row]),
-        W::F::load(&lights[3].rows[row]),
-        W::F::load(&lights[4].rows[row]),
-        W::F::load(&lights[5].rows[row]),
-        W::F::load(&lights[6].rows[row]),
-        W::F::load(&lights[7].rows[row]),
-    ])
+fn columns<W: Wide<N>, const N: usize>(lights: [&Lamp; N], row: usize) -> [W::F; LANES] {
+    let mut rows = [&lights[0].rows[row]; N];
+    for lane in 1..N {
+        rows[lane] = &lights[lane].rows[row];
+    }
+    W::columns(rows)
 }
 
 /// Any lights, one lane after another.
 #[inline(always)]
-fn one_by_one<W: Wide>(asked: &Asked) -> Arriving<W> {
+fn one_by_one<W: Wide<N>, const N: usize>(asked: &Asked<N>) -> Arriving<W, N> {
     let mut lanes = Singles::default();
     fill(asked, &mut lanes);
     Arriving {
@@ -287,18 +282,18 @@ fn one_by_one<W: Wide>(asked: &Asked) -> Arriving<W> {
 
 /// What [`one_by_one`] fills.
 #[derive(Default)]
-struct Singles {
-    wi: [Row; 3],
-    target: [Row; 3],
-    li: [Row; 3],
-    pdf: Row,
+struct Singles<const N: usize> {
+    wi: [Row<N>; 3],
+    target: [Row<N>; 3],
+    li: [Row<N>; 3],
+    pdf: Row<N>,
     at_infinity: u32,
     is_delta: u32,
     any: u32,
 }
 
 #[inline(never)]
-fn fill(asked: &Asked, lanes: &mut Singles) {
+fn fill<const N: usize>(asked: &Asked<N>, lanes: &mut Singles<N>) {
     let Asked {
         wave,
         paths,

@@ -2,7 +2,7 @@
 
 use super::paths::{self, Group, Paths, Place};
 use super::{Wave, draw_one, entry};
-use crate::lanes::{Int, LANES, Row, Wide};
+use crate::lanes::{Int, Row, Wide};
 use crate::sampler;
 use scene::model::SamplerKind;
 
@@ -19,27 +19,31 @@ pub(super) fn draw(wave: &Wave, paths: &mut Paths, places: &[Place]) {
 
 /// [`draw`] in lanes, for points of the lattice.
 #[inline(always)]
-pub(super) fn lattice<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+pub(super) fn lattice<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
     let dimension = sampler::dimension_of(wave.event);
-    for places in places.chunks(LANES) {
+    for places in places.chunks(N) {
         let group = Group::new(places);
-        let mut shifts = [Row::default(); LANES];
-        let mut orders = [0; LANES];
-        let mut reversed = [0; LANES];
-        for lane in 0..LANES {
+        let mut shifts = [Row::ZERO; N];
+        let mut orders = [0; N];
+        let mut reversed = [0; N];
+        for lane in 0..N {
             let slot = group.slots[lane];
             let keys = paths.keys(slot, dimension);
             shifts[lane] = Row(bytemuck::cast(keys.shift));
             orders[lane] = keys.order;
             reversed[lane] = paths.reversed[slot as usize];
         }
-        let shifts = paths::columns::<W>(&shifts);
-        let numbers = sampler::event_in_lanes::<W>(
+        let shifts = W::turn(&shifts);
+        let numbers = sampler::event_in_lanes::<W, N>(
             W::I::load(&reversed),
             W::I::load(&orders),
             shifts,
             wave.event,
         );
-        paths::scatter::<W>(&mut paths.numbers, &group.slots, numbers);
+        paths::scatter::<W, N>(&mut paths.numbers, &group.slots, numbers);
     }
 }

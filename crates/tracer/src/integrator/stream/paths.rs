@@ -7,8 +7,7 @@ use crate::accel::Geometry;
 use crate::geometry::Interaction;
 use crate::integrator::First;
 use crate::integrator::path::{Carried, Gathered, Shadow};
-pub(super) use crate::lanes::gather;
-use crate::lanes::{Float, LANES, Row, Wide};
+use crate::lanes::{LANES, MOST_LANES, Row, Wide};
 use crate::light::Aim;
 use crate::math::Rgb;
 use crate::ray::{Hit, Ray};
@@ -102,7 +101,7 @@ struct Rare {
 impl Paths {
     pub fn new() -> Box<Paths> {
         // Lanes read past the last path, and make nothing of it.
-        let rows = || vec![Row::default(); CAPACITY + LANES];
+        let rows = || vec![Row::default(); CAPACITY + MOST_LANES];
         Box::new(Paths {
             rays: Vec::with_capacity(CAPACITY),
             slots: Vec::with_capacity(CAPACITY),
@@ -648,32 +647,32 @@ impl Lists {
     }
 }
 
-/// Eight places one after another, the last repeated where there are fewer.
+/// Places one after another, the last repeated where there are fewer.
 #[inline(always)]
-pub(super) fn in_turn(begin: usize, end: usize) -> [u32; LANES] {
-    let mut places = [0; LANES];
+pub(super) fn in_turn<const N: usize>(begin: usize, end: usize) -> [u32; N] {
+    let mut places = [0; N];
     for (lane, place) in places.iter_mut().enumerate() {
         *place = (begin + lane).min(end - 1) as u32;
     }
     places
 }
 
-/// Up to eight paths that lanes work on together; the lanes beyond them repeat the last.
+/// Paths that lanes work on together, up to one a lane; the lanes beyond them repeat the last.
 #[derive(Clone, Copy)]
-pub(super) struct Group {
-    pub rays: [u32; LANES],
-    pub slots: [u32; LANES],
+pub(super) struct Group<const N: usize> {
+    pub rays: [u32; N],
+    pub slots: [u32; N],
     /// One bit a lane.
     pub used: u32,
 }
 
-impl Group {
+impl<const N: usize> Group<N> {
     #[inline(always)]
-    pub fn new(places: &[Place]) -> Group {
+    pub fn new(places: &[Place]) -> Self {
         let last = places[places.len() - 1];
         let mut group = Group {
-            rays: [last.ray; LANES],
-            slots: [last.slot; LANES],
+            rays: [last.ray; N],
+            slots: [last.slot; N],
             used: (1 << places.len()) - 1,
         };
         for (lane, place) in places.iter().enumerate() {
@@ -684,28 +683,15 @@ impl Group {
     }
 }
 
-/// Columns of eight records.
+/// The inverse of [`Wide::gather`]; lanes that are not used repeat the last that is.
 #[inline(always)]
-pub(super) fn columns<W: Wide>(records: &[Row; LANES]) -> [W::F; LANES] {
-    gather::<W>(records, &[0, 1, 2, 3, 4, 5, 6, 7])
-}
-
-/// The inverse of [`gather`]; lanes that are not used repeat the last that is.
-#[inline(always)]
-pub(super) fn scatter<W: Wide>(records: &mut [Row], at: &[u32; LANES], columns: [W::F; LANES]) {
-    let rows = W::transpose(columns);
-    for lane in 0..LANES {
-        rows[lane].store(&mut records[at[lane] as usize]);
+pub(super) fn scatter<W: Wide<N>, const N: usize>(
+    records: &mut [Row],
+    at: &[u32; N],
+    columns: [W::F; LANES],
+) {
+    let rows = W::records(columns);
+    for lane in 0..N {
+        records[at[lane] as usize] = rows[lane];
     }
-}
-
-/// Columns as rows in memory.
-#[inline(always)]
-pub(super) fn rows<W: Wide>(columns: [W::F; LANES]) -> [Row; LANES] {
-    let columns = W::transpose(columns);
-    let mut rows = [Row::default(); LANES];
-    for lane in 0..LANES {
-        columns[lane].store(&mut rows[lane]);
-    }
-    rows
 }

@@ -7,57 +7,73 @@ use super::paths::{self, Group, NO_DENSITY, Paths, Place};
 use crate::bsdf::lanes::{AimOf, Lanes};
 use crate::bsdf::{ConductorLanes, DielectricLanes, DiffuseLanes};
 use crate::integrator::path::{ROULETTE_FACTOR, ROULETTE_FROM};
-use crate::lanes::{Float, Frame3, Int, LANES, Mask, Row, V3, Wide, copysign};
+use crate::lanes::{Float, Frame3, Int, LANES, Mask, Row, V3, Wide};
 use crate::math::Rgb;
 
 /// Scatters at diffuse vertices.
 #[inline(always)]
-pub(super) fn diffuse<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
-    scatter::<W, DiffuseLanes<W>>(wave, paths, places);
+pub(super) fn diffuse<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    scatter::<W, N, DiffuseLanes<W, N>>(wave, paths, places);
 }
 
 /// Scatters on metal.
 #[inline(always)]
-pub(super) fn conductor<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
-    scatter::<W, ConductorLanes<W>>(wave, paths, places);
+pub(super) fn conductor<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    scatter::<W, N, ConductorLanes<W, N>>(wave, paths, places);
 }
 
 /// Scatters at glass.
 #[inline(always)]
-pub(super) fn dielectric<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
-    scatter::<W, DielectricLanes<W>>(wave, paths, places);
+pub(super) fn dielectric<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    scatter::<W, N, DielectricLanes<W, N>>(wave, paths, places);
 }
 
 /// What lights are to be chosen for on metal, where there is a choice.
 #[inline(always)]
-pub(super) fn aim_conductor<W: Wide>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
-    for places in places.chunks(LANES) {
+pub(super) fn aim_conductor<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    for places in places.chunks(N) {
         let group = Group::new(places);
-        let vertex = Vertex::<W>::gather(paths, &group);
-        let bsdf = model::<W, ConductorLanes<W>>(wave, paths, &group, &vertex);
+        let vertex = Vertex::<W, N>::gather(paths, &group);
+        let bsdf = model::<W, N, ConductorLanes<W, N>>(wave, paths, &group, &vertex);
         let wo = vertex.frame().to_local(vertex.wo);
-        keep_last::<W, ConductorLanes<W>>(paths, &group, &vertex, &bsdf, wo);
+        keep_last::<W, N, ConductorLanes<W, N>>(paths, &group, &vertex, &bsdf, wo);
     }
 }
 
 /// Eight vertices.
-struct Vertex<W: Wide> {
-    wo: V3<W>,
+struct Vertex<W: Wide<N>, const N: usize> {
+    wo: V3<W, N>,
     time: W::F,
-    p: V3<W>,
+    p: V3<W, N>,
     error: W::F,
-    ng: V3<W>,
-    n: V3<W>,
+    ng: V3<W, N>,
+    n: V3<W, N>,
     /// Parameters of the model, or which material has them.
-    given: V3<W>,
+    given: V3<W, N>,
 }
 
-impl<W: Wide> Vertex<W> {
+impl<W: Wide<N>, const N: usize> Vertex<W, N> {
     #[inline(always)]
-    fn gather(paths: &Paths, group: &Group) -> Self {
-        let [.., dx, dy, dz, _, time] = paths::gather::<W>(paths.rays(), &group.rays);
-        let [px, py, pz, error, gx, gy, gz, _] = paths::gather::<W>(&paths.point, &group.slots);
-        let [nx, ny, nz, r, g, b, _, _] = paths::gather::<W>(&paths.surface, &group.slots);
+    fn gather(paths: &Paths, group: &Group<N>) -> Self {
+        let [.., dx, dy, dz, _, time] = W::gather(paths.rays(), &group.rays);
+        let [px, py, pz, error, gx, gy, gz, _] = W::gather(&paths.point, &group.slots);
+        let [nx, ny, nz, r, g, b, _, _] = W::gather(&paths.surface, &group.slots);
         Vertex {
             wo: -V3::new(dx, dy, dz),
             time,
@@ -70,43 +86,48 @@ impl<W: Wide> Vertex<W> {
     }
 
     #[inline(always)]
-    fn frame(&self) -> Frame3<W> {
+    fn frame(&self) -> Frame3<W, N> {
         Frame3::from_normal(self.n)
     }
 
     /// See [`Interaction::origin_towards`](crate::geometry::Interaction::origin_towards).
     #[inline(always)]
-    fn origin_towards(&self, w: V3<W>) -> V3<W> {
-        self.p + self.ng * copysign::<W>(self.error, w.dot(self.ng))
+    fn origin_towards(&self, w: V3<W, N>) -> V3<W, N> {
+        self.p + self.ng * self.error.copysign(w.dot(self.ng))
     }
 }
 
 /// The models at eight vertices.
 #[inline(always)]
-fn model<W: Wide, B: Lanes<W>>(wave: &Wave, paths: &Paths, group: &Group, vertex: &Vertex<W>) -> B {
+fn model<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
+    wave: &Wave,
+    paths: &Paths,
+    group: &Group<N>,
+    vertex: &Vertex<W, N>,
+) -> B {
     let zero = W::F::splat(0.0);
     if B::AIM == AimOf::Normal {
         let V3 { x, y, z } = vertex.given;
         return B::new([[x, y, z, zero, zero, zero, zero, zero], [zero; LANES]]);
     }
-    let mut rows = [[Row::default(); LANES]; 2];
-    for lane in 0..LANES {
+    let mut rows = [[&Row::ZERO; N]; 2];
+    for lane in 0..N {
         let material = paths.surface[group.slots[lane] as usize].0[3].to_bits();
         let params = wave.scene.stream.params(material);
-        rows[0][lane] = params[0];
-        rows[1][lane] = params[1];
+        rows[0][lane] = &params[0];
+        rows[1][lane] = &params[1];
     }
-    B::new([paths::columns::<W>(&rows[0]), paths::columns::<W>(&rows[1])])
+    B::new([W::columns(rows[0]), W::columns(rows[1])])
 }
 
 /// Keeps the vertex and what lights are chosen for there.
 #[inline(always)]
-fn keep_last<W: Wide, B: Lanes<W>>(
+fn keep_last<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     paths: &mut Paths,
-    group: &Group,
-    vertex: &Vertex<W>,
+    group: &Group<N>,
+    vertex: &Vertex<W, N>,
     bsdf: &B,
-    wo: V3<W>,
+    wo: V3<W, N>,
 ) {
     let zero = W::F::splat(0.0);
     let (axis, narrow) = match B::AIM {
@@ -118,7 +139,7 @@ fn keep_last<W: Wide, B: Lanes<W>>(
         AimOf::Anywhere => (V3::new(zero, zero, zero), zero),
     };
     let p = vertex.p;
-    paths::scatter::<W>(
+    paths::scatter::<W, N>(
         &mut paths.last,
         &group.slots,
         [p.x, p.y, p.z, axis.x, axis.y, axis.z, narrow, zero],
@@ -127,35 +148,37 @@ fn keep_last<W: Wide, B: Lanes<W>>(
 
 /// Scatters at eight vertices at a time: shadow rays, and the rays that go on.
 #[inline(always)]
-fn scatter<W: Wide, B: Lanes<W>>(wave: &Wave, paths: &mut Paths, places: &[Place]) {
+fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
     let (zero, one) = (W::F::splat(0.0), W::F::splat(1.0));
-    for places in places.chunks(LANES) {
+    for places in places.chunks(N) {
         let group = Group::new(places);
-        let vertex = Vertex::<W>::gather(paths, &group);
-        let bsdf: B = model::<W, B>(wave, paths, &group, &vertex);
-        let [lx, ly, bx, by, _, lobe, roulette, _] =
-            paths::gather::<W>(&paths.numbers, &group.slots);
-        let [tr, tg, tb, eta_scale, _, depth, split, _] =
-            paths::gather::<W>(&paths.carried, &group.slots);
+        let vertex = Vertex::<W, N>::gather(paths, &group);
+        let bsdf: B = model::<W, N, B>(wave, paths, &group, &vertex);
+        let [lx, ly, bx, by, _, lobe, roulette, _] = W::gather(&paths.numbers, &group.slots);
+        let [tr, tg, tb, eta_scale, _, depth, split, _] = W::gather(&paths.carried, &group.slots);
         let frame = vertex.frame();
         let wo = frame.to_local(vertex.wo);
-        let throughput = V3::<W>::new(tr, tg, tb);
+        let throughput = V3::<W, N>::new(tr, tg, tb);
         if wave.event == 0 {
-            see::<W>(paths, &group, &vertex, bsdf.albedo(wo));
+            see::<W, N>(paths, &group, &vertex, bsdf.albedo(wo));
         }
         let depth = depth.bits() + W::I::splat(1);
         // Light that is sampled.
         let finds_lights = !bsdf.is_delta();
         if finds_lights.to_bits() & group.used != 0 {
-            let (arriving, pmf) = light::sample::<W>(wave, paths, &group, vertex.p, (lx, ly));
+            let (arriving, pmf) = light::sample::<W, N>(wave, paths, &group, vertex.p, (lx, ly));
             let (f, pdf) = bsdf.eval_pdf(wo, frame.to_local(arriving.wi));
-            let (sent, arrives) = weighted::<W>(&arriving, pmf, f, pdf);
-            let is_indirect = is_at_least::<W>(depth, 2);
+            let (sent, arrives) = weighted::<W, N>(&arriving, pmf, f, pdf);
+            let is_indirect = is_at_least::<W, N>(depth, 2);
             let clamp = wave.scene.clamp_indirect;
-            let light = bounded::<W>(clamp, throughput.times(sent), is_indirect);
+            let light = bounded::<W, N>(clamp, throughput.times(sent), is_indirect);
             let asked = (arrives & finds_lights).to_bits() & group.used;
             if asked != 0 {
-                push_shadows::<W>(paths, &group, &vertex, &arriving, light, asked);
+                push_shadows::<W, N>(paths, &group, &vertex, &arriving, light, asked);
             }
         }
         // The direction that the path goes on in.
@@ -164,13 +187,13 @@ fn scatter<W: Wide, B: Lanes<W>>(wave: &Wave, paths: &mut Paths, places: &[Place
         let eta_scale = eta_scale * (s.eta * s.eta);
         let factor = W::F::splat(ROULETTE_FACTOR) * split;
         let keep = (throughput.max_element() * eta_scale * factor).min(one);
-        let is_at_stake = is_at_least::<W>(depth, ROULETTE_FROM);
+        let is_at_stake = is_at_least::<W, N>(depth, ROULETTE_FROM);
         let goes_on = s.any & (!is_at_stake | roulette.lt(keep));
         let kept = throughput * (one / keep);
         let t = V3::select(is_at_stake, kept, throughput);
         let w = frame.to_world(s.wi);
         let origin = vertex.origin_towards(w);
-        let next = paths::rows::<W>([
+        let next = W::records([
             origin.x,
             origin.y,
             origin.z,
@@ -182,28 +205,33 @@ fn scatter<W: Wide, B: Lanes<W>>(wave: &Wave, paths: &mut Paths, places: &[Place
         ]);
         let mut rest = goes_on.to_bits() & group.used;
         while rest != 0 {
-            let lane = rest.trailing_zeros() as usize & 7;
+            let lane = rest.trailing_zeros() as usize % N;
             rest &= rest - 1;
             paths.push_next(next[lane], group.slots[lane]);
         }
         let pdf = W::F::select(s.delta, W::F::splat(NO_DENSITY), s.pdf);
         let depth = W::F::from_bits(depth);
-        paths::scatter::<W>(
+        paths::scatter::<W, N>(
             &mut paths.carried,
             &group.slots,
             [t.x, t.y, t.z, eta_scale, pdf, depth, split, zero],
         );
-        keep_last::<W, B>(paths, &group, &vertex, &bsdf, wo);
+        keep_last::<W, N, B>(paths, &group, &vertex, &bsdf, wo);
     }
 }
 
 /// Keeps the layers of first surfaces.
 #[inline(always)]
-fn see<W: Wide>(paths: &mut Paths, group: &Group, vertex: &Vertex<W>, albedo: V3<W>) {
+fn see<W: Wide<N>, const N: usize>(
+    paths: &mut Paths,
+    group: &Group<N>,
+    vertex: &Vertex<W, N>,
+    albedo: V3<W, N>,
+) {
     let zero = W::F::splat(0.0);
     let mut depth = Row::default();
     let mut unseen = 0;
-    for lane in 0..LANES {
+    for lane in 0..N {
         let place = Place {
             ray: group.rays[lane],
             slot: group.slots[lane],
@@ -217,7 +245,7 @@ fn see<W: Wide>(paths: &mut Paths, group: &Group, vertex: &Vertex<W>, albedo: V3
     let (n, wo) = (vertex.n, vertex.wo);
     let behind = n.dot(wo).lt(zero) & vertex.ng.dot(wo).lt(zero);
     let n = V3::select(behind, -n, n);
-    let first = paths::rows::<W>([
+    let first = W::records([
         W::F::splat(1.0),
         albedo.x,
         albedo.y,
@@ -229,7 +257,7 @@ fn see<W: Wide>(paths: &mut Paths, group: &Group, vertex: &Vertex<W>, albedo: V3
     ]);
     let mut rest = unseen & group.used;
     while rest != 0 {
-        let lane = rest.trailing_zeros() as usize & 7;
+        let lane = rest.trailing_zeros() as usize % N;
         rest &= rest - 1;
         let slot = group.slots[lane];
         paths.first[slot as usize] = first[lane];
@@ -239,7 +267,12 @@ fn see<W: Wide>(paths: &mut Paths, group: &Group, vertex: &Vertex<W>, albedo: V3
 
 /// Light that is sent on, weighted against sampling the BSDF, and where there is any.
 #[inline(always)]
-fn weighted<W: Wide>(arriving: &Arriving<W>, pmf: W::F, f: V3<W>, pdf_bsdf: W::F) -> (V3<W>, W::M) {
+fn weighted<W: Wide<N>, const N: usize>(
+    arriving: &Arriving<W, N>,
+    pmf: W::F,
+    f: V3<W, N>,
+    pdf_bsdf: W::F,
+) -> (V3<W, N>, W::M) {
     let one = W::F::splat(1.0);
     let pdf = arriving.pdf * pmf;
     let ratio = pdf_bsdf / pdf;
@@ -253,7 +286,7 @@ fn weighted<W: Wide>(arriving: &Arriving<W>, pmf: W::F, f: V3<W>, pdf_bsdf: W::F
 
 /// The optional, biased bound; see [`path::bounded`](super::path::bounded).
 #[inline(always)]
-fn bounded<W: Wide>(most: f32, light: V3<W>, is_indirect: W::M) -> V3<W> {
+fn bounded<W: Wide<N>, const N: usize>(most: f32, light: V3<W, N>, is_indirect: W::M) -> V3<W, N> {
     if most == f32::INFINITY {
         return light;
     }
@@ -264,12 +297,12 @@ fn bounded<W: Wide>(most: f32, light: V3<W>, is_indirect: W::M) -> V3<W> {
 }
 
 #[inline(always)]
-fn push_shadows<W: Wide>(
+fn push_shadows<W: Wide<N>, const N: usize>(
     paths: &mut Paths,
-    group: &Group,
-    vertex: &Vertex<W>,
-    arriving: &Arriving<W>,
-    light: V3<W>,
+    group: &Group<N>,
+    vertex: &Vertex<W, N>,
+    arriving: &Arriving<W, N>,
+    light: V3<W, N>,
     mut asked: u32,
 ) {
     let far = arriving.at_infinity;
@@ -277,7 +310,7 @@ fn push_shadows<W: Wide>(
     let origin = vertex.origin_towards(towards);
     let direction = V3::select(far, arriving.wi, arriving.target - origin);
     let t_max = W::F::select(far, W::F::splat(f32::INFINITY), W::F::splat(0.9999));
-    let rays = paths::rows::<W>([
+    let rays = W::records([
         origin.x,
         origin.y,
         origin.z,
@@ -290,7 +323,7 @@ fn push_shadows<W: Wide>(
     let mut lights = [Row::default(); 3];
     light.store(&mut lights);
     while asked != 0 {
-        let lane = asked.trailing_zeros() as usize & 7;
+        let lane = asked.trailing_zeros() as usize % N;
         asked &= asked - 1;
         let light = Rgb::new(lights[0].0[lane], lights[1].0[lane], lights[2].0[lane]);
         paths.push_shadow(rays[lane], light, group.slots[lane]);
@@ -299,6 +332,6 @@ fn push_shadows<W: Wide>(
 
 /// Whether small integers are at least some bound.
 #[inline(always)]
-fn is_at_least<W: Wide>(x: W::I, bound: u32) -> W::M {
+fn is_at_least<W: Wide<N>, const N: usize>(x: W::I, bound: u32) -> W::M {
     W::F::splat(bound as f32).le(W::F::from_int(x))
 }
