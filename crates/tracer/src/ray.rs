@@ -4,7 +4,7 @@ use glam::Vec3;
 
 /// A ray: points `origin + t direction` for 0 < t < `t_max`, at one moment.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C)]
+#[repr(C, align(32))]
 pub struct Ray {
     /// Start.
     pub origin: Vec3,

@@ -11,6 +11,7 @@ pub mod simd;
 pub mod stream;
 
 pub use few::Few;
+use few::MOST_RAYS;
 pub use simd::SimdLevel;
 
 use crate::geometry::curves::CurveSet;
@@ -73,9 +74,11 @@ impl Geometry {
     /// [`Geometry::closest`] for each of many rays, into as many hits.
     #[inline]
     pub fn closest_many(&self, rays: &[Ray], hits: &mut [Hit]) {
-        if let Some(few) = &self.few {
-            for &at in few::closest(self.level, few, rays, hits).rays() {
-                hits[at as usize] = self.closest(&rays[at as usize]);
+        if let Some(few) = self.few() {
+            for (rays, hits) in rays.chunks(MOST_RAYS).zip(hits.chunks_mut(MOST_RAYS)) {
+                for &at in few::closest(self.level, few, rays, hits).rays() {
+                    hits[at as usize] = self.closest(&rays[at as usize]);
+                }
             }
             return;
         }
@@ -87,7 +90,7 @@ impl Geometry {
     /// are the same.
     #[inline]
     pub fn closest_coherent(&self, rays: &[Ray], hits: &mut [Hit]) {
-        if self.few.is_some() {
+        if self.few().is_some() {
             return self.closest_many(rays, hits);
         }
         let in_flight = stream::pays(&self.world);
@@ -97,14 +100,23 @@ impl Geometry {
     /// [`Geometry::occluded`] for each of many rays.
     #[inline]
     pub fn occluded_many(&self, rays: &[Ray], blocked: &mut [bool]) {
-        if let Some(few) = &self.few {
-            for &at in few::occluded(self.level, few, rays, blocked).rays() {
-                blocked[at as usize] = self.occluded(&rays[at as usize]);
+        if let Some(few) = self.few() {
+            let blocked = blocked.chunks_mut(MOST_RAYS);
+            for (rays, blocked) in rays.chunks(MOST_RAYS).zip(blocked) {
+                for &at in few::occluded(self.level, few, rays, blocked).rays() {
+                    blocked[at as usize] = self.occluded(&rays[at as usize]);
+                }
             }
             return;
         }
         let in_flight = stream::pays(&self.world);
         simd::occluded_many(self.level, self, rays, blocked, in_flight);
+    }
+
+    /// The primitives without a tree, where that is faster.
+    #[inline]
+    fn few(&self) -> Option<&Few> {
+        self.few.as_ref().filter(|few| few.pays(self.level))
     }
 
     /// The tree that a hit's primitive belongs to.

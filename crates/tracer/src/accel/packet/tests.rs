@@ -4,7 +4,6 @@ use super::*;
 use crate::accel::simd::Scalar;
 use crate::accel::tests::{Tri, geometry, levels, point};
 use crate::accel::{Few, SimdLevel};
-use crate::lanes::Row;
 use ::scene::model as desc;
 use ::scene::model::SceneDesc;
 use glam::{DAffine3, DVec3, Vec3};
@@ -153,10 +152,8 @@ fn packets_are_as_single_rays_on_soups() {
         }
         geometry.few = Few::new(&geometry.world);
         for (kind, rays) in arrays(&mut rng) {
-            // Aligned as a stream's.
-            let rows: Vec<Row> = rays.iter().map(|ray| bytemuck::cast(*ray)).collect();
             let mut found = vec![Hit::none(0.5); rays.len()];
-            geometry.closest_coherent(bytemuck::cast_slice(&rows), &mut found);
+            geometry.closest_coherent(&rays, &mut found);
             for (ray, found) in rays.iter().zip(&found) {
                 let hit = geometry.closest(ray);
                 assert_eq!(bits(found), bits(&hit), "{kind}, few, {ray:?}");
