@@ -20,8 +20,6 @@ impl Aim {
         axis: Vec3::ZERO,
         narrow: 0,
     };
-    /// What directions far off a narrow axis count at least: a lobe has a tail.
-    const LEAST: f32 = 0.02;
 
     /// By the cosine to a normal.
     #[inline]
@@ -30,25 +28,28 @@ impl Aim {
     }
 }
 
+/// What directions far off a narrow axis count at least: a lobe has a tail.
+pub(super) const LEAST: f32 = 0.02;
+
 /// What is known of eight clusters of lights.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub struct Cluster {
     /// Centres of the boxes.
-    center: [[f32; 8]; 3],
+    pub(super) center: [[f32; 8]; 3],
     /// Half diagonals of the boxes.
-    radius: [f32; 8],
+    pub(super) radius: [f32; 8],
     /// Axes of the normals, unit length.
-    axis: [[f32; 8]; 3],
+    pub(super) axis: [[f32; 8]; 3],
     /// Largest angle between a normal and the axis.
-    cos_normals: [f32; 8],
-    sin_normals: [f32; 8],
+    pub(super) cos_normals: [f32; 8],
+    pub(super) sin_normals: [f32; 8],
     /// Cosine of the largest angle from its normal at which a light shines.
-    cos_emission: [f32; 8],
+    pub(super) cos_emission: [f32; 8],
     /// -1 where both sides of the surfaces shine, else 1.
-    sided: [f32; 8],
+    pub(super) sided: [f32; 8],
     /// Peak intensities, summed; 0 in an empty lane.
-    strength: [f32; 8],
+    pub(super) strength: [f32; 8],
 }
 
 impl Cluster {
@@ -136,7 +137,7 @@ pub fn importances<S: Simd>(cluster: &Cluster, p: Vec3, aim: Aim) -> [f32; 8] {
             for _ in 0..narrow {
                 cos = cos.mul(cos);
             }
-            cos = cos.max(S::F8::splat(Aim::LEAST));
+            cos = cos.max(S::F8::splat(LEAST));
         }
         cos
     };

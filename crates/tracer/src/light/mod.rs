@@ -4,6 +4,7 @@ mod area;
 pub(crate) mod cluster;
 pub mod environment;
 pub mod octahedral;
+mod pairs;
 mod pictured;
 mod portal;
 mod tree;
@@ -11,10 +12,12 @@ mod tree;
 pub use area::{AreaLight, AreaShape, Emission};
 pub(crate) use area::{CONE_MIN, INSIDE};
 pub use cluster::Aim;
+pub(crate) use pairs::Asking;
 pub use pictured::{Goniometric, Projection};
 
 use crate::accel::SimdLevel;
 use crate::geometry::Interaction;
+use crate::lanes::{Float, Int, Row, Wide};
 use crate::math::Rgb;
 use crate::texture::Textures;
 use environment::Environment;
@@ -172,6 +175,42 @@ impl Lights {
             }
             _ => Some((self.infinite[which.min(count - 1)], self.share)),
         }
+    }
+
+    /// Whether lights can be chosen in lanes.
+    pub(crate) fn suit_lanes(&self) -> bool {
+        self.tree.as_ref().is_some_and(|tree| tree.pairs.is_some())
+    }
+
+    /// [`Lights::choose_index`] in lanes, if they suit; the probability is 0 where no light is chosen.
+    #[inline(always)]
+    pub(crate) fn choose_in_lanes<W: Wide<N>, const N: usize>(
+        &self,
+        asking: &Asking<W, N>,
+        u: W::F,
+    ) -> (W::I, W::F) {
+        let none = (W::I::splat(0), W::F::splat(0.0));
+        let Some(pairs) = self.tree.as_ref().and_then(|tree| tree.pairs.as_ref()) else {
+            return none;
+        };
+        if self.infinite.is_empty() {
+            return pairs.sample::<W, N>(asking, u);
+        }
+        let count = W::F::splat(self.infinite.len() as f32);
+        let scaled = u / W::F::splat(self.share);
+        let rest = (scaled - count).max(none.1);
+        let rest = rest.min(W::F::splat(crate::math::ONE_MINUS_EPSILON));
+        let (light, pmf) = pairs.sample::<W, N>(asking, rest);
+        let is_finite = count.le(scaled);
+        let mut which = Row::<N>::default();
+        scaled.store(&mut which);
+        for lane in 0..N {
+            let at = (which.0[lane] as usize).min(self.infinite.len() - 1);
+            which.0[lane] = f32::from_bits(self.infinite[at]);
+        }
+        let light = W::F::select(is_finite, W::F::from_bits(light), W::F::load(&which));
+        let pmf = W::F::select(is_finite, pmf, W::F::splat(1.0)) * W::F::splat(self.share);
+        (light.bits(), pmf)
     }
 
     /// Probability that [`Lights::choose`] gives a light at infinity.

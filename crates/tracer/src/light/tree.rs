@@ -6,6 +6,7 @@
 //! with one that shines all around.
 
 use super::cluster::{Aim, Cluster};
+use super::pairs::Pairs;
 use crate::accel::simd::{self, SimdLevel};
 use glam::Vec3;
 
@@ -29,11 +30,11 @@ pub struct LightBounds {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Node {
-    bounds: LightBounds,
+pub(super) struct Node {
+    pub(super) bounds: LightBounds,
     /// Left child (the right one follows) of an inner node, light of a leaf.
-    first: u32,
-    is_leaf: bool,
+    pub(super) first: u32,
+    pub(super) is_leaf: bool,
 }
 
 /// Three levels of the binary tree in one, so that the bounds of a level are computed side by side.
@@ -51,7 +52,7 @@ struct Wide {
 }
 
 /// Marks a light in a node's words.
-const LEAF: u32 = 1 << 31;
+pub(super) const LEAF: u32 = 1 << 31;
 
 /// The tree.
 pub struct LightTree {
@@ -62,6 +63,8 @@ pub struct LightTree {
     trails: Vec<u64>,
     /// The light of a tree of one.
     only: u32,
+    /// The same for many points at once, where there are lanes for it.
+    pub(super) pairs: Option<Pairs>,
     level: SimdLevel,
 }
 
@@ -78,6 +81,7 @@ impl LightTree {
             nodes: vec![],
             trails: vec![u64::MAX; count],
             only,
+            pairs: None,
             level,
         };
         if lights.len() == 1 {
@@ -85,6 +89,7 @@ impl LightTree {
             return Some(tree);
         }
         let binary = binary(lights);
+        tree.pairs = (level >= SimdLevel::Avx2).then(|| Pairs::new(&binary));
         // Node of the binary tree, the place that waits for it, its trail and the length of that.
         let mut todo = vec![(0u32, None, 0u64, 0u32)];
         while let Some((root, place, trail, length)) = todo.pop() {
@@ -590,153 +595,4 @@ fn lit_angle(cos_normals: f32, normals: f64, cos_emission: f32) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use rand::{Rng, SeedableRng, rngs::StdRng};
-
-    fn random(rng: &mut StdRng, count: usize) -> Vec<(u32, LightBounds)> {
-        let mut v = |s: f32| {
-            Vec3::new(
-                rng.random_range(-s..s),
-                rng.random_range(-s..s),
-                rng.random_range(-s..s),
-            )
-        };
-        (0..count as u32)
-            .map(|i| {
-                let (p, size, axis) = (
-                    v(10.0),
-                    v(0.3).abs(),
-                    crate::math::normalize(v(1.0) + Vec3::splat(1e-3)),
-                );
-                let around = i % 5 == 0;
-                let bounds = LightBounds {
-                    min: p,
-                    max: p + size,
-                    axis,
-                    strength: 1.0 + (i % 17) as f32,
-                    cos_normals: if around { -1.0 } else { 1.0 },
-                    cos_emission: 0.0,
-                    two_sided: i % 7 == 0,
-                };
-                (i, bounds)
-            })
-            .collect()
-    }
-
-    /// However many threads build a tree, it is the same.
-    #[test]
-    fn threads_change_no_bit_of_a_tree() {
-        let mut rng = StdRng::seed_from_u64(7);
-        let lights = random(&mut rng, 3 * ALONE);
-        let [one, three] = [1, 3].map(|threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            let pool = pool.expect("threads start");
-            format!("{:?}", pool.install(|| binary(&lights)))
-        });
-        assert!(one == three);
-    }
-
-    /// What is known of a cut without its cones never says that it costs more than it does.
-    #[test]
-    fn the_least_that_a_cut_costs_is_not_more_than_it_costs() {
-        let mut rng = StdRng::seed_from_u64(8);
-        for count in [3, 10, 300] {
-            let lights = random(&mut rng, count);
-            let known: Vec<Known> = lights.iter().map(|l| Known::new(l.1)).collect();
-            let narrowest = known
-                .iter()
-                .map(|k| k.bounds.cos_normals)
-                .fold(-1.0, f32::max);
-            let least = lit_angle(narrowest, angle(narrowest), 0.0) * (1.0 - 1e-9);
-            let mut all = known[0];
-            for k in &known[1..] {
-                all = union(&all, k);
-                let b = &all.bounds;
-                let bound = size(b.strength, b.min, b.max) * least;
-                assert!(bound <= cost(&all), "{bound} of {all:?}");
-            }
-        }
-    }
-
-    /// Probabilities of all lights and of no light at all (a node may promise what neither of its
-    /// children can keep) add to one, and are those with which lights come.
-    #[test]
-    fn probabilities_add_up_and_are_those_of_the_samples() {
-        let mut rng = StdRng::seed_from_u64(5);
-        for count in [1, 2, 3, 17, 400] {
-            let lights = random(&mut rng, count);
-            let tree = LightTree::new(&lights, count, crate::simd()).expect("there are lights");
-            for _ in 0..8 {
-                let p = Vec3::new(
-                    rng.random_range(-20.0..20.0),
-                    rng.random_range(-20.0..20.0),
-                    rng.random_range(-20.0..20.0),
-                );
-                let n = crate::math::normalize(Vec3::new(
-                    rng.random_range(-1.0..1.0),
-                    0.3,
-                    rng.random_range(-1.0..1.0),
-                ));
-                let narrow = Aim { axis: n, narrow: 5 };
-                for aim in [Aim::cosine(n), narrow, Aim::ANYWHERE] {
-                    let sum: f64 = (0..count as u32).map(|l| tree.pmf(p, aim, l) as f64).sum();
-                    assert!(sum < 1.0 + 1e-4, "{count} lights at {p}: {sum}");
-                    let mut missed = 0;
-                    for i in 0..2000 {
-                        if let Some((light, pmf)) = tree.sample(p, aim, i as f32 / 2000.0) {
-                            assert_eq!(
-                                pmf,
-                                tree.pmf(p, aim, light),
-                                "light {light} of {count} at {p}"
-                            );
-                            assert!(pmf > 0.0);
-                        } else {
-                            missed += 1;
-                        }
-                    }
-                    let share = missed as f64 / 2000.0;
-                    assert!(
-                        (1.0 - sum - share).abs() < 0.01,
-                        "{count} lights at {p}: {sum} chosen, {share} missed"
-                    );
-                }
-            }
-        }
-    }
-
-    /// A light that can reach a point is never given up: the bound of each node on the way is positive
-    /// wherever the light's own is.
-    #[test]
-    fn what_can_reach_a_point_can_be_chosen() {
-        let mut rng = StdRng::seed_from_u64(6);
-        let lights = random(&mut rng, 300);
-        let tree = LightTree::new(&lights, 300, crate::simd()).expect("there are lights");
-        for _ in 0..200 {
-            let p = Vec3::new(
-                rng.random_range(-20.0..20.0),
-                rng.random_range(-20.0..20.0),
-                rng.random_range(-20.0..20.0),
-            );
-            let n = crate::math::normalize(Vec3::new(
-                rng.random_range(-1.0..1.0),
-                0.3,
-                rng.random_range(-1.0..1.0),
-            ));
-            for (i, l) in &lights {
-                let own = simd::importances(
-                    SimdLevel::Scalar,
-                    &Cluster::new([Some(*l)].into_iter()),
-                    p,
-                    Aim::cosine(n),
-                )[0];
-                if own > 1e-4 * l.strength {
-                    assert!(
-                        tree.pmf(p, Aim::cosine(n), *i) > 0.0,
-                        "light {i} with bound {own} at {p}"
-                    );
-                }
-            }
-        }
-    }
-}
+mod tests;

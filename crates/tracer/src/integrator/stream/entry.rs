@@ -1,7 +1,7 @@
 //! Entry points of the stages that work in lanes: one for each level of instructions.
 
 use super::paths::{Paths, Place};
-use super::{Wave, camera, find, finish, numbers, scatter};
+use super::{Wave, camera, find, finish, light, numbers, scatter};
 use crate::lanes::entry;
 use film::{Columns, SampleBuffer};
 
@@ -20,6 +20,18 @@ entry! {
 entry! {
     /// See [`find::find_spheres`].
     pub(super) fn find_spheres(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = find::find_spheres;
+}
+entry! {
+    /// See [`light::for_diffuse`].
+    pub(super) fn choose_for_diffuse(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = light::for_diffuse;
+}
+entry! {
+    /// See [`light::for_conductor`].
+    pub(super) fn choose_for_conductor(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = light::for_conductor;
+}
+entry! {
+    /// See [`light::for_any`].
+    pub(super) fn choose_for_any(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = light::for_any;
 }
 entry! {
     /// See [`scatter::diffuse`].

@@ -1,10 +1,10 @@
 //! Light sampling for as many points at once as there are lanes.
 
-use super::Wave;
 use super::paths::{Group, Paths, Place};
 use super::tables::{Lamp, Model};
-use crate::lanes::{Float, Frame3, LANES, Mask, Row, V3, Wide};
-use crate::light::{Aim, CONE_MIN, INSIDE};
+use super::{Wave, entry};
+use crate::lanes::{Float, Frame3, Int, LANES, Mask, Row, V3, Wide};
+use crate::light::{Aim, Asking, CONE_MIN, INSIDE};
 use crate::math::TWO_PI;
 use crate::sampling;
 use glam::{Vec2, Vec3};
@@ -44,6 +44,15 @@ pub(super) fn choose(wave: &Wave, paths: &mut Paths, model: Model, places: &[Pla
     if scene.stream.only().is_some() {
         return;
     }
+    if scene.lights.suit_lanes() {
+        let level = scene.geometry.level;
+        match model {
+            Model::Diffuse => entry::choose_for_diffuse(level, wave, paths, places),
+            Model::Conductor => entry::choose_for_conductor(level, wave, paths, places),
+            _ => entry::choose_for_any(level, wave, paths, places),
+        }
+        return;
+    }
     for place in places {
         let slot = place.slot as usize;
         let [x, y, z, ..] = paths.point[slot].0;
@@ -60,6 +69,81 @@ pub(super) fn choose(wave: &Wave, paths: &mut Paths, model: Model, places: &[Pla
             .unwrap_or((DARK, 1.0));
         paths.point[slot].0[7] = pmf;
         paths.surface[slot].0[6] = f32::from_bits(light);
+    }
+}
+
+/// [`choose`] for diffuse vertices, in lanes.
+#[inline(always)]
+pub(super) fn for_diffuse<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    choose_for::<W, N, { Model::Diffuse as u8 }>(wave, paths, places);
+}
+
+/// [`choose`] for metal, in lanes.
+#[inline(always)]
+pub(super) fn for_conductor<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    choose_for::<W, N, { Model::Conductor as u8 }>(wave, paths, places);
+}
+
+/// [`choose`] whatever directions matter, in lanes.
+#[inline(always)]
+pub(super) fn for_any<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    choose_for::<W, N, { Model::Other as u8 }>(wave, paths, places);
+}
+
+#[inline(always)]
+fn choose_for<W: Wide<N>, const N: usize, const MODEL: u8>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    for places in places.chunks(N) {
+        let group = Group::new(places);
+        let zero = W::F::splat(0.0);
+        let [px, py, pz, ..] = W::gather(&paths.point, &group.slots);
+        let mut axis = V3::new(zero, zero, zero);
+        let mut narrow = W::I::splat(0);
+        if MODEL == Model::Diffuse as u8 {
+            let [nx, ny, nz, ..] = W::gather(&paths.surface, &group.slots);
+            axis = V3::new(nx, ny, nz);
+        } else if MODEL == Model::Conductor as u8 {
+            let [_, _, _, ax, ay, az, squared, _] = W::gather(&paths.last, &group.slots);
+            axis = V3::new(ax, ay, az);
+            narrow = squared.bits();
+        }
+        let [_, _, _, _, u, ..] = W::gather(&paths.numbers, &group.slots);
+        let asking = Asking {
+            p: V3::new(px, py, pz),
+            axis,
+            narrow,
+        };
+        let (light, pmf) = wave.scene.lights.choose_in_lanes::<W, N>(&asking, u);
+        let is_dark = pmf.le(zero);
+        let light = W::F::select(
+            is_dark,
+            W::F::from_bits(W::I::splat(DARK)),
+            W::F::from_bits(light),
+        );
+        let pmf = W::F::select(is_dark, W::F::splat(1.0), pmf);
+        let (mut lights, mut probabilities) = (Row::<N>::default(), Row::<N>::default());
+        light.store(&mut lights);
+        pmf.store(&mut probabilities);
+        for (lane, place) in places.iter().enumerate() {
+            let slot = place.slot as usize;
+            paths.point[slot].0[7] = probabilities.0[lane];
+            paths.surface[slot].0[6] = lights.0[lane];
+        }
     }
 }
 
