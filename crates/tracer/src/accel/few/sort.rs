@@ -22,8 +22,18 @@ pub struct Sorted {
 const KINDS: usize = 32;
 
 impl Sorted {
+    /// Nothing.
     #[inline(always)]
-    pub fn new<W: Wide<N>, const N: usize, const KIND: bool>(rays: &[Row]) -> Sorted {
+    pub fn new() -> Sorted {
+        Sorted {
+            at: [0; MOST_RAYS],
+            begins: [0; 4],
+        }
+    }
+
+    /// Sorts rays by their axes, and those of an axis by their directions if `KIND`.
+    #[inline(always)]
+    pub fn sort<W: Wide<N>, const N: usize, const KIND: bool>(&mut self, rays: &[Row]) {
         let mut kinds = [0u8; MOST_RAYS];
         for (rays, kinds) in rays.chunks(N).zip(kinds.chunks_mut(N)) {
             let mut at = [rays.len() as u32 - 1; N];
@@ -45,16 +55,12 @@ impl Sorted {
         for kind in 0..3 * KINDS {
             begins[kind + 1] += begins[kind];
         }
-        let mut sorted = Sorted {
-            at: [0; MOST_RAYS],
-            begins: [0, KINDS, 2 * KINDS, 3 * KINDS].map(|kind| begins[kind] as usize),
-        };
+        self.begins = [0, KINDS, 2 * KINDS, 3 * KINDS].map(|kind| begins[kind] as usize);
         for (ray, kind) in kinds.iter().enumerate() {
             let to = &mut begins[*kind as usize % (3 * KINDS)];
-            sorted.at[*to as usize % MOST_RAYS] = ray as u32;
+            self.at[*to as usize % MOST_RAYS] = ray as u32;
             *to += 1;
         }
-        sorted
     }
 
     /// Those of an axis.

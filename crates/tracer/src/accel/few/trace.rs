@@ -58,11 +58,12 @@ impl Few {
         let mut rest = Rest::default();
         let rows: &[Row] = bytemuck::cast_slice(rays);
         let is_one = self.clusters.len() == 1;
-        let sorted = if is_one {
-            Sorted::new::<W, N, false>(rows)
+        let mut sorted = Sorted::new();
+        if is_one {
+            sorted.sort::<W, N, false>(rows);
         } else {
-            Sorted::new::<W, N, true>(rows)
-        };
+            sorted.sort::<W, N, true>(rows);
+        }
         for axis in 0..3 {
             for at in sorted.along(axis).chunks(N) {
                 if at.len() < WORTH {
@@ -348,7 +349,12 @@ impl<const N: usize> Group<N> {
             at: [at[at.len() - 1]; N],
             count: at.len(),
         };
-        group.at[..at.len()].copy_from_slice(at);
+        // Of a length that is known, which needs no call.
+        if let Some(all) = at.first_chunk() {
+            group.at = *all;
+        } else {
+            group.at[..at.len()].copy_from_slice(at);
+        }
         group
     }
 }
