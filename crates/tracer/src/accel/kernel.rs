@@ -6,6 +6,7 @@
 //! visited in.
 
 use super::Geometry;
+use super::aim::Ahead;
 use super::node::{BallBlock, EMPTY, INDEX_MASK, LEAF, LeafKind, Node, Tree, TriBlock, leaf_kind};
 use super::simd::{self, Lanes, Simd, Stack};
 use super::stream;
@@ -34,7 +35,8 @@ pub const PASSING: f32 = 1.0 / 65_536.0;
 const LARGE: usize = 4096;
 
 /// A ray as the kernel wants it.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(32))]
 pub struct Aim {
     /// Start, by axis.
     pub origin: [f32; 3],
@@ -51,6 +53,8 @@ pub struct Aim {
     pub start: [f32; 3],
     /// What makes the ray run along z.
     pub shear: [f32; 3],
+    /// Fills three rows.
+    pub rest: [u32; 3],
 }
 
 impl Aim {
@@ -85,6 +89,7 @@ impl Aim {
             axes: [16 * kx as u32, 16 * ky as u32, 16 * kz as u32],
             start: [o[kx], o[ky], o[kz]],
             shear: [shear[0], shear[1], shear[2]],
+            rest: [0; 3],
         }
     }
 }
@@ -173,9 +178,10 @@ pub fn closest_many<S: Simd>(geometry: &Geometry, rays: &[Ray], hits: &mut [Hit]
     if in_flight {
         return stream::many::<S, false>(geometry, rays, hits, &mut []);
     }
-    for (ray, hit) in rays.iter().zip(hits) {
+    let mut ahead = Ahead::new(geometry.level, rays);
+    for (index, (ray, hit)) in rays.iter().zip(hits).enumerate() {
         *hit = Hit::none(ray.t_max);
-        walk::<S, false>(&Walk::world(geometry, ray), hit);
+        walk_along::<S, false>(&Walk::world(geometry, ray), ahead.aim(index), hit);
     }
 }
 
@@ -190,9 +196,10 @@ pub fn occluded_many<S: Simd>(
     if in_flight {
         return stream::many::<S, true>(geometry, rays, &mut [], blocked);
     }
-    for (ray, blocked) in rays.iter().zip(blocked) {
+    let mut ahead = Ahead::new(geometry.level, rays);
+    for (index, (ray, blocked)) in rays.iter().zip(blocked).enumerate() {
         let mut hit = Hit::none(ray.t_max);
-        *blocked = walk::<S, true>(&Walk::world(geometry, ray), &mut hit);
+        *blocked = walk_along::<S, true>(&Walk::world(geometry, ray), ahead.aim(index), &mut hit);
     }
 }
 
@@ -223,12 +230,20 @@ pub fn is_large(tree: &Tree) -> bool {
 /// Through a tree; whether anything blocks, if `ANY`.
 #[inline(always)]
 fn walk<S: Simd, const ANY: bool>(at: &Walk, hit: &mut Hit) -> bool {
-    let tree = at.tree;
-    if tree.root == EMPTY {
+    if at.tree.root == EMPTY {
         return false;
     }
     let aim = Aim::new::<S>(at.origin, at.direction);
-    walk_below::<S, ANY>(at, &aim, tree.root, hit)
+    walk_below::<S, ANY>(at, &aim, at.tree.root, hit)
+}
+
+/// The same with the aim of the ray.
+#[inline(always)]
+fn walk_along<S: Simd, const ANY: bool>(at: &Walk, aim: &Aim, hit: &mut Hit) -> bool {
+    if at.tree.root == EMPTY {
+        return false;
+    }
+    walk_below::<S, ANY>(at, aim, at.tree.root, hit)
 }
 
 /// Through what is below a word of a tree.

@@ -1,5 +1,6 @@
 //! What a ray can hit, and finding it.
 
+pub mod aim;
 pub mod build;
 pub mod collapse;
 pub mod few;

@@ -354,6 +354,7 @@ impl<S: Simd> Bundle<S> {
     #[inline(always)]
     fn aim(&self, lane: usize) -> Aim {
         Aim {
+            rest: [0; 3],
             origin: column(&self.origin, lane),
             inverse: column(&self.inverse, lane),
             far: column(&self.far, lane),

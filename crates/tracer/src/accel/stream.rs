@@ -5,10 +5,12 @@
 //! their turn. That takes more instructions than one ray after the other, so on smaller trees it is slower.
 
 use super::Geometry;
+use super::aim::Ahead;
 use super::kernel::{self, Aim, FAR_SLACK, Walk};
 use super::node::{EMPTY, LEAF, Tree};
 use super::simd::{Lanes, STACK_SIZE, Simd};
 use crate::ray::{Hit, Ray};
+use bytemuck::Zeroable;
 
 /// Rays in flight.
 const RAYS: usize = 8;
@@ -40,9 +42,9 @@ struct Flight<'a> {
 
 impl<'a> Flight<'a> {
     #[inline(always)]
-    fn new<S: Simd>(geometry: &'a Geometry, ray: &'a Ray) -> Self {
+    fn new(geometry: &'a Geometry, ray: &'a Ray) -> Self {
         Flight {
-            aim: Aim::new::<S>(ray.origin, ray.direction),
+            aim: Aim::zeroed(),
             at: Walk::world(geometry, ray),
             hit: Hit::none(ray.t_max),
             index: 0,
@@ -54,9 +56,8 @@ impl<'a> Flight<'a> {
     }
 
     #[inline(always)]
-    fn start<S: Simd>(&mut self, geometry: &'a Geometry, rays: &'a [Ray], index: usize) {
-        let ray = &rays[index];
-        self.aim = Aim::new::<S>(ray.origin, ray.direction);
+    fn start(&mut self, geometry: &'a Geometry, ray: &'a Ray, aim: &Aim, index: usize) {
+        self.aim = *aim;
         self.at = Walk::world(geometry, ray);
         self.hit = Hit::none(ray.t_max);
         self.index = index;
@@ -133,22 +134,23 @@ pub fn many<S: Simd, const ANY: bool>(
         return;
     }
     let mut flights: [Flight; RAYS] = [
-        Flight::new::<S>(geometry, first),
-        Flight::new::<S>(geometry, first),
-        Flight::new::<S>(geometry, first),
-        Flight::new::<S>(geometry, first),
-        Flight::new::<S>(geometry, first),
-        Flight::new::<S>(geometry, first),
-        Flight::new::<S>(geometry, first),
-        Flight::new::<S>(geometry, first),
+        Flight::new(geometry, first),
+        Flight::new(geometry, first),
+        Flight::new(geometry, first),
+        Flight::new(geometry, first),
+        Flight::new(geometry, first),
+        Flight::new(geometry, first),
+        Flight::new(geometry, first),
+        Flight::new(geometry, first),
     ];
+    let mut ahead = Ahead::new(geometry.level, rays);
     let mut next = 0;
     // Flights at a node and flights at a leaf.
     let (mut at_nodes, mut at_leaves) = ([0u8; RAYS], [0u8; RAYS]);
     let (mut nodes, mut leaves) = (0, 0);
     let root_is_leaf = tree.root & LEAF != 0;
     while next < RAYS.min(rays.len()) {
-        flights[next].start::<S>(geometry, rays, next);
+        flights[next].start(geometry, &rays[next], ahead.aim(next), next);
         if root_is_leaf {
             at_leaves[next] = next as u8;
         } else {
@@ -198,7 +200,7 @@ pub fn many<S: Simd, const ANY: bool>(
                 if next == rays.len() {
                     continue;
                 }
-                flight.start::<S>(geometry, rays, next);
+                flight.start(geometry, &rays[next], ahead.aim(next), next);
                 next += 1;
             }
             let word = flight.word;

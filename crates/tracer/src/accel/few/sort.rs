@@ -5,6 +5,7 @@
     reason = "a lane is a place in several arrays at once"
 )]
 
+use crate::accel::aim::pick;
 use crate::lanes::{Float, Row, Wide};
 
 /// Rays that are sorted at a time.
@@ -74,29 +75,22 @@ impl Sorted {
 #[inline(always)]
 fn kind<W: Wide<N>, const N: usize, const KIND: bool>(dx: W::F, dy: W::F, dz: W::F) -> W::F {
     let (x, y, z) = (dx.abs(), dy.abs(), dz.abs());
-    let along_x = y.lt(x) & z.lt(x);
-    let along_y = z.lt(y);
+    let along = (y.lt(x) & z.lt(x), z.lt(y));
     let zero = W::F::splat(0.0);
     let (second, third) = (W::F::splat(KINDS as f32), W::F::splat((2 * KINDS) as f32));
-    let axis = pick::<W, N>(along_x, along_y, zero, second, third);
+    let axis = pick::<W, N>(along, [zero, second, third]);
     if !KIND {
         return axis;
     }
-    let main = pick::<W, N>(along_x, along_y, dx, dy, dz);
-    let a = pick::<W, N>(along_x, along_y, dy, dz, dx);
-    let b = pick::<W, N>(along_x, along_y, dz, dx, dy);
+    let main = pick::<W, N>(along, [dx, dy, dz]);
+    let a = pick::<W, N>(along, [dy, dz, dx]);
+    let b = pick::<W, N>(along, [dz, dx, dy]);
     let half = main.abs() * W::F::splat(0.5);
     axis + W::F::select(main.lt(zero), W::F::splat(16.0), zero)
         + W::F::select(a.lt(zero), W::F::splat(8.0), zero)
         + W::F::select(half.lt(a.abs()), W::F::splat(4.0), zero)
         + W::F::select(b.lt(zero), W::F::splat(2.0), zero)
         + W::F::select(half.lt(b.abs()), W::F::splat(1.0), zero)
-}
-
-/// The first, the second or the third.
-#[inline(always)]
-fn pick<W: Wide<N>, const N: usize>(x: W::M, y: W::M, a: W::F, b: W::F, c: W::F) -> W::F {
-    W::F::select(x, a, W::F::select(y, b, c))
 }
 
 /// Rays that are too few for lanes: they are left to the tree.

@@ -7,7 +7,8 @@
 
 use super::sort::{Rest, Sorted, WORTH};
 use super::{ALONE, Cluster, Few, Sphere};
-use crate::accel::kernel::{FAR_SLACK, PASSING, TINY};
+use crate::accel::aim::safe;
+use crate::accel::kernel::{FAR_SLACK, PASSING};
 use crate::lanes::{Float, Mask, Row, V3, Wide, entry};
 use crate::ray::{Hit, NONE, Ray};
 use std::ops::Range;
@@ -232,13 +233,6 @@ impl Few {
 #[inline(always)]
 pub(super) fn of(range: &Range<u32>) -> Range<usize> {
     range.start as usize..range.end as usize
-}
-
-/// See [`kernel::safe`](super::kernel::safe).
-#[inline(always)]
-fn safe<W: Wide<N>, const N: usize>(x: W::F) -> W::F {
-    let tiny = W::F::splat(TINY);
-    W::F::select(x.abs().lt(tiny), tiny.copysign(x), x)
 }
 
 impl Cluster {
