@@ -25,6 +25,8 @@ pub struct Columns {
 /// Magnitudes of radiance and distance below this take the short way: their fixed-point sums over all
 /// samples of columns fit 64 bits, those of their squares 128.
 const SMALL: f32 = 2048.0;
+const _: () =
+    assert!(SMALL as u64 * Columns::LONGEST as u64 <= i64::MAX as u64 >> fixed::VALUE_BITS);
 
 /// Radiances below this have their luminance in 64 bits.
 const LUMINANCE_SMALL: f32 = (1u64 << (LUMINANCE_SMALL_BITS - fixed::VALUE_BITS)) as f32;

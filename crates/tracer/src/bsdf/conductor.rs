@@ -89,7 +89,7 @@ impl Conductor {
     }
 }
 
-/// Eight of them.
+/// One a lane.
 #[derive(Clone, Copy)]
 pub(crate) struct ConductorLanes<W: Wide<N>, const N: usize> {
     eta: V3<W, N>,

@@ -196,7 +196,7 @@ impl Dielectric {
     }
 }
 
-/// Eight of them.
+/// One a lane.
 #[derive(Clone, Copy)]
 pub(crate) struct DielectricLanes<W: Wide<N>, const N: usize> {
     eta: W::F,
@@ -207,7 +207,7 @@ pub(crate) struct DielectricLanes<W: Wide<N>, const N: usize> {
     transmit_tint: V3<W, N>,
 }
 
-/// Eight of [`Split`].
+/// A [`Split`] in each lane.
 struct SplitLanes<W: Wide<N>, const N: usize> {
     r: W::F,
     cos_t: W::F,

@@ -53,7 +53,7 @@ impl Diffuse {
     }
 }
 
-/// Eight of them.
+/// One a lane.
 #[derive(Clone, Copy)]
 pub(crate) struct DiffuseLanes<W: Wide<N>, const N: usize> {
     r: V3<W, N>,

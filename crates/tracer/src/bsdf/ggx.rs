@@ -129,7 +129,7 @@ pub(super) fn mirrored(w: Vec3, m: Vec3) -> Vec3 {
     m * (2.0 * d) - w
 }
 
-/// Eight distributions.
+/// A distribution in each lane.
 #[derive(Clone, Copy)]
 pub(super) struct GgxLanes<W: Wide<N>, const N: usize> {
     pub ax: W::F,

@@ -1,4 +1,4 @@
-//! Scattering for eight vertices at once: the contract. Each model's lanes are beside the model, do what
+//! Scattering for many vertices at once: the contract. Each model's lanes are beside the model, do what
 //! it does and round as it rounds.
 
 use crate::lanes::{Float, Row, V3, Wide};
@@ -6,7 +6,7 @@ use crate::lanes::{Float, Row, V3, Wide};
 /// Numbers that describe a model at a vertex, as materials keep them.
 pub(crate) type Params = [Row; 2];
 
-/// Eight sampled directions; see [`BsdfSample`](super::BsdfSample).
+/// Sampled directions, one a lane; see [`BsdfSample`](super::BsdfSample).
 pub(crate) struct Samples<W: Wide<N>, const N: usize> {
     /// Where light comes from.
     pub wi: V3<W, N>,

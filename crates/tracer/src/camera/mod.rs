@@ -203,7 +203,7 @@ impl Camera {
         is_flat && is_round && is_fixed && matches!(self.curve, ShutterCurve::Box)
     }
 
-    /// [`Camera::time`] and [`Camera::ray`] for eight points of the picture: origins, directions, times.
+    /// [`Camera::time`] and [`Camera::ray`] for a point of the picture in each lane: origins, directions, times.
     #[inline(always)]
     pub(crate) fn ray_in_lanes<W: Wide<N>, const N: usize>(
         &self,

@@ -79,7 +79,7 @@ pub fn event(reversed: u32, keys: &Keys, nth: u32) -> [f32; EVENT] {
     std::array::from_fn(|j| point(phi, VECTOR[from + j], keys.shift[j]))
 }
 
-/// [`camera`] for eight samples, as [`event_in_lanes`].
+/// [`camera`] for a sample a lane, as [`event_in_lanes`].
 #[inline(always)]
 pub fn camera_in_lanes<W: Wide<N>, const N: usize>(
     reversed: W::I,
@@ -92,7 +92,7 @@ pub fn camera_in_lanes<W: Wide<N>, const N: usize>(
     numbers
 }
 
-/// [`event`] for eight samples, each with its keys: `shifts` are the bits of one dimension's shifts
+/// [`event`] for a sample a lane, each with its keys: `shifts` are the bits of one dimension's shifts
 /// after another's.
 #[inline(always)]
 pub fn event_in_lanes<W: Wide<N>, const N: usize>(

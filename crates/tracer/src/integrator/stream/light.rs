@@ -147,7 +147,7 @@ fn choose_for<W: Wide<N>, const N: usize, const MODEL: u8>(
     }
 }
 
-/// Samples the lights chosen for eight points with two numbers each; also the probabilities of the
+/// Samples the lights chosen for points with two numbers each; also the probabilities of the
 /// choice.
 #[inline(always)]
 pub(super) fn sample<W: Wide<N>, const N: usize>(
@@ -328,7 +328,7 @@ fn flat<W: Wide<N>, const N: usize>(
     }
 }
 
-/// The columns of eight times the same light.
+/// The columns of the same light in every lane.
 #[inline(always)]
 fn spread<W: Wide<N>, const N: usize>(light: &Lamp, row: usize) -> [W::F; LANES] {
     let mut columns = [W::F::splat(0.0); LANES];
@@ -338,7 +338,7 @@ fn spread<W: Wide<N>, const N: usize>(light: &Lamp, row: usize) -> [W::F; LANES]
     columns
 }
 
-/// The columns of eight lights.
+/// The columns of as many lights as lanes.
 #[inline(always)]
 fn columns<W: Wide<N>, const N: usize>(lights: [&Lamp; N], row: usize) -> [W::F; LANES] {
     let mut rows = [&lights[0].rows[row]; N];

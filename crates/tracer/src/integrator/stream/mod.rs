@@ -1,6 +1,6 @@
 //! The path tracer for many paths side by side: all rays of a stream are traced, then all hits worked
-//! out, then all vertices scattered, stage by stage. Within a stage the usual cases take eight paths at
-//! once in lanes; whatever is rare or complicated takes the functions of [`path`](super::path) one by
+//! out, then all vertices scattered, stage by stage. Within a stage the usual cases take eight or
+//! sixteen paths at once in lanes; whatever is rare or complicated takes the functions of [`path`](super::path) one by
 //! one, from the same records.
 //!
 //! A stage does for each path exactly what `path` does, with the same roundings, and no path knows of

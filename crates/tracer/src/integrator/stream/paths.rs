@@ -1,4 +1,4 @@
-//! What a stream knows of its paths: records of eight numbers, so that eight paths are eight rows to
+//! What a stream knows of its paths: records of eight numbers, so that the paths of a group are rows to
 //! read and a transposition.
 
 use super::CAPACITY;

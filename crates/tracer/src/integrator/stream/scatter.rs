@@ -56,7 +56,7 @@ pub(super) fn aim_conductor<W: Wide<N>, const N: usize>(
     }
 }
 
-/// Eight vertices.
+/// A vertex in each lane.
 struct Vertex<W: Wide<N>, const N: usize> {
     wo: V3<W, N>,
     time: W::F,
@@ -97,7 +97,7 @@ impl<W: Wide<N>, const N: usize> Vertex<W, N> {
     }
 }
 
-/// The models at eight vertices.
+/// The models at vertices.
 #[inline(always)]
 fn model<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     wave: &Wave,
@@ -146,7 +146,7 @@ fn keep_last<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     );
 }
 
-/// Scatters at eight vertices at a time: shadow rays, and the rays that go on.
+/// Scatters at as many vertices at a time as there are lanes: shadow rays, and the rays that go on.
 #[inline(always)]
 fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     wave: &Wave,
