@@ -359,7 +359,7 @@ fn nonsense_does_no_harm() {
         0.0,
         1.0,
     ];
-    for tree in levels().into_iter().map(|level| geometry(&soup, level)) {
+    for mut tree in levels().into_iter().map(|level| geometry(&soup, level)) {
         let mut rays = vec![];
         for i in 0..odd.len().pow(3) {
             let n = odd.len();
@@ -379,6 +379,24 @@ fn nonsense_does_no_harm() {
             );
             tree.occluded(ray);
         }
+        let mut blocked = vec![false; rays.len()];
+        tree.occluded_many(&rays, &mut blocked);
+        // Without the tree.
+        tree.few = Few::new(&tree.world);
+        assert!(tree.few.is_some());
+        let mut hits = vec![Hit::none(0.0); rays.len()];
+        tree.closest_many(&rays, &mut hits);
+        for (ray, hit) in rays.iter().zip(hits) {
+            assert_eq!(
+                tree.closest(ray).prim,
+                hit.prim,
+                "{ray:?} at {:?}",
+                tree.level
+            );
+        }
+        let mut found = vec![true; rays.len()];
+        tree.occluded_many(&rays, &mut found);
+        assert_eq!(blocked, found, "{:?}", tree.level);
     }
 }
 
