@@ -148,21 +148,34 @@ impl Few {
         }
     }
 
-    /// Makes clusters of primitives, halving what is too many along the longest axis.
+    /// Makes clusters of primitives, dividing what is too many where the surfaces of the boxes, each for as many clusters
+    /// as it will hold, are least.
     fn divide(&mut self, items: &mut [Item]) {
         if items.len() <= CLUSTER {
             return self.gather(items);
         }
-        let centers = Bounds::of(items.iter().map(|i| i.bounds.center()));
-        let size = centers.max - centers.min;
-        let axis = size.max_position();
-        items.sort_by(|a, b| {
-            let at = |i: &Item| i.bounds.center()[axis];
-            at(a).total_cmp(&at(b)).then(a.prim.cmp(&b.prim))
-        });
-        // Whole clusters on the left.
-        let left = (items.len() / 2).next_multiple_of(CLUSTER);
-        let (left, right) = items.split_at_mut(left);
+        let mut best = (f32::INFINITY, 0, items.len() / 2);
+        for axis in 0..3 {
+            sort_along(items, axis);
+            let mut right = Bounds::default();
+            let mut areas = vec![0.0; items.len()];
+            for at in (1..items.len()).rev() {
+                right = right.union(items[at].bounds);
+                areas[at] = area(&right);
+            }
+            let mut left = Bounds::default();
+            for at in 1..items.len() {
+                left = left.union(items[at - 1].bounds);
+                let count = |n: usize| n.div_ceil(CLUSTER) as f32;
+                let cost = area(&left) * count(at) + areas[at] * count(items.len() - at);
+                if cost < best.0 {
+                    best = (cost, axis, at);
+                }
+            }
+        }
+        let (_, axis, at) = best;
+        sort_along(items, axis);
+        let (left, right) = items.split_at_mut(at);
         self.divide(left);
         self.divide(right);
     }
@@ -208,6 +221,20 @@ impl Few {
             self.corners.len() - 1 - first
         }) as u32
     }
+}
+
+/// By the centres, equal ones by the primitive.
+fn sort_along(items: &mut [Item], axis: usize) {
+    items.sort_by(|a, b| {
+        let at = |i: &Item| i.bounds.center()[axis];
+        at(a).total_cmp(&at(b)).then(a.prim.cmp(&b.prim))
+    });
+}
+
+/// Half the surface of a box.
+fn area(bounds: &Bounds) -> f32 {
+    let d = bounds.max - bounds.min;
+    d.x * d.y + d.y * d.z + d.z * d.x
 }
 
 #[cfg(test)]

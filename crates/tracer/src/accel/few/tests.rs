@@ -116,7 +116,7 @@ fn clusters_hold_every_primitive_once_and_lie_in_order() {
         if count <= ALONE {
             assert_eq!(few.clusters.len(), 1);
         } else {
-            assert!(few.clusters.len() <= count.div_ceil(CLUSTER) + 1);
+            assert!(few.clusters.len() <= 2 * count.div_ceil(CLUSTER));
         }
         let mut prims = vec![];
         for cluster in &few.clusters {
