@@ -79,6 +79,8 @@ struct Key {
     rotation: [f32; 4],
     /// Symmetric scale and shear, by columns.
     stretch: [Vec3; 3],
+    /// To the next key; see [`turn`].
+    turn: Option<(f32, f32)>,
 }
 
 /// A map over time: translation and stretch are interpolated linearly, rotation spherically
@@ -116,7 +118,11 @@ impl MovingAffine {
                 translation: a.t,
                 rotation: q,
                 stretch: a.m,
+                turn: None,
             });
+        }
+        for at in 1..keys.len() {
+            keys[at - 1].turn = turn(keys[at - 1].rotation, keys[at].rotation);
         }
         MovingAffine { keys }
     }
@@ -129,18 +135,17 @@ impl MovingAffine {
     /// The map at a time; the nearest key holds outside.
     pub fn at(&self, time: f32) -> Affine {
         let after = self.keys.partition_point(|k| k.time <= time);
-        let (a, b, f) = match after {
-            0 => (&self.keys[0], &self.keys[0], 0.0),
-            n if n == self.keys.len() => (&self.keys[n - 1], &self.keys[n - 1], 0.0),
+        let (a, b, turn, f) = match after {
+            0 => (&self.keys[0], &self.keys[0], None, 0.0),
+            n if n == self.keys.len() => (&self.keys[n - 1], &self.keys[n - 1], None, 0.0),
             n => {
                 let (a, b) = (&self.keys[n - 1], &self.keys[n]);
-                (a, b, (time - a.time) / (b.time - a.time))
+                (a, b, a.turn, (time - a.time) / (b.time - a.time))
             }
         };
         let mix = |x: Vec3, y: Vec3| x * (1.0 - f) + y * f;
-        let rotation = rotation_columns(slerp(a.rotation, b.rotation, f));
         let turn = Affine {
-            m: rotation,
+            m: rotation_columns(slerp(a.rotation, b.rotation, turn, f)),
             t: Vec3::ZERO,
         };
         let stretch = [0, 1, 2].map(|i| mix(a.stretch[i], b.stretch[i]));
@@ -227,14 +232,20 @@ fn polar(m: DMat3) -> (DQuat, DMat3) {
     (DQuat::from_mat3(&r), r.transpose() * m)
 }
 
-fn slerp(a: [f32; 4], b: [f32; 4], f: f32) -> [f32; 4] {
+/// Angle between two rotations and the inverse of its sine; `None` if it is so small that they are as good as on a
+/// line.
+fn turn(a: [f32; 4], b: [f32; 4]) -> Option<(f32, f32)> {
     let dot: f32 = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-    let (wa, wb) = if dot > 0.9995 {
-        (1.0 - f, f)
-    } else {
+    (dot <= 0.9995).then(|| {
         let angle = math::acos(dot.clamp(-1.0, 1.0));
-        let s = 1.0 / math::sin(angle);
-        (math::sin((1.0 - f) * angle) * s, math::sin(f * angle) * s)
+        (angle, 1.0 / math::sin(angle))
+    })
+}
+
+fn slerp(a: [f32; 4], b: [f32; 4], turn: Option<(f32, f32)>, f: f32) -> [f32; 4] {
+    let (wa, wb) = match turn {
+        None => (1.0 - f, f),
+        Some((angle, s)) => (math::sin((1.0 - f) * angle) * s, math::sin(f * angle) * s),
     };
     let q = [0, 1, 2, 3].map(|i| a[i] * wa + b[i] * wb);
     let n = 1.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
