@@ -55,7 +55,8 @@ impl Few {
         hits: &mut [Hit],
         blocked: &mut [bool],
     ) -> Rest {
-        let mut sheared = Sheared::<N>([[Row([0.0; N]); 3]; CORNERS]);
+        // A constant, or it is made elsewhere and copied.
+        let mut sheared = const { Sheared::<N>([[Row([0.0; N]); 3]; CORNERS]) };
         let mut rest = Rest::default();
         let rows: &[Row] = bytemuck::cast_slice(rays);
         let is_one = self.clusters.len() == 1;
