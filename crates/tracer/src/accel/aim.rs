@@ -2,6 +2,7 @@
 
 use super::SimdLevel;
 use super::kernel::{Aim, FAR_SLACK, OTHERS, TINY};
+use super::simd::Simd;
 use crate::lanes::{Float, Int, Row, Wide, entry};
 use crate::ray::Ray;
 use bytemuck::Zeroable;
@@ -124,11 +125,19 @@ impl<'a> Ahead<'a> {
 
     /// That of a ray: the first, or the one after the last that was asked for.
     #[inline(always)]
-    pub fn aim(&mut self, index: usize) -> &Aim {
+    pub fn aim<S: Simd>(&mut self, index: usize) -> &Aim {
         if index.is_multiple_of(AHEAD) {
             let rays = &self.rays[index..];
             let rays = &rays[..rays.len().min(AHEAD)];
-            all(self.level, rays, &mut self.aims[..rays.len()]);
+            let aims = &mut self.aims[..rays.len()];
+            if self.level >= SimdLevel::Avx2 {
+                all(self.level, rays, aims);
+            } else {
+                // Plain lanes are slower than one ray after another.
+                for (ray, aim) in rays.iter().zip(aims) {
+                    *aim = Aim::new::<S>(ray.origin, ray.direction);
+                }
+            }
         }
         &self.aims[index % AHEAD]
     }
@@ -168,9 +177,11 @@ mod tests {
         for level in levels() {
             for count in [1, 7, 8, 17, 63, 64, 65, rays.len()] {
                 let mut ahead = Ahead::new(level, &rays[..count]);
+                let mut aims = vec![Aim::zeroed(); count];
+                all(level, &rays[..count], &mut aims);
                 for (index, ray) in rays[..count].iter().enumerate() {
                     let expected = Aim::new::<Scalar>(ray.origin, ray.direction);
-                    let made = ahead.aim(index);
+                    let made = &aims[index];
                     let same = |(a, b): (u32, u32)| {
                         a == b || (f32::from_bits(a).is_nan() && f32::from_bits(b).is_nan())
                     };
@@ -179,6 +190,8 @@ mod tests {
                         pairs.all(same),
                         "{level:?}, {ray:?}: {made:?} instead of {expected:?}"
                     );
+                    let mut pairs = bits(ahead.aim::<Scalar>(index)).into_iter().zip(bits(made));
+                    assert!(pairs.all(same), "{level:?}, ray {index} of {count}");
                 }
             }
         }

@@ -181,7 +181,7 @@ pub fn closest_many<S: Simd>(geometry: &Geometry, rays: &[Ray], hits: &mut [Hit]
     let mut ahead = Ahead::new(geometry.level, rays);
     for (index, (ray, hit)) in rays.iter().zip(hits).enumerate() {
         *hit = Hit::none(ray.t_max);
-        walk_along::<S, false>(&Walk::world(geometry, ray), ahead.aim(index), hit);
+        walk_along::<S, false>(&Walk::world(geometry, ray), ahead.aim::<S>(index), hit);
     }
 }
 
@@ -199,7 +199,8 @@ pub fn occluded_many<S: Simd>(
     let mut ahead = Ahead::new(geometry.level, rays);
     for (index, (ray, blocked)) in rays.iter().zip(blocked).enumerate() {
         let mut hit = Hit::none(ray.t_max);
-        *blocked = walk_along::<S, true>(&Walk::world(geometry, ray), ahead.aim(index), &mut hit);
+        *blocked =
+            walk_along::<S, true>(&Walk::world(geometry, ray), ahead.aim::<S>(index), &mut hit);
     }
 }
 

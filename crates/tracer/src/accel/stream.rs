@@ -150,7 +150,7 @@ pub fn many<S: Simd, const ANY: bool>(
     let (mut nodes, mut leaves) = (0, 0);
     let root_is_leaf = tree.root & LEAF != 0;
     while next < RAYS.min(rays.len()) {
-        flights[next].start(geometry, &rays[next], ahead.aim(next), next);
+        flights[next].start(geometry, &rays[next], ahead.aim::<S>(next), next);
         if root_is_leaf {
             at_leaves[next] = next as u8;
         } else {
@@ -200,7 +200,7 @@ pub fn many<S: Simd, const ANY: bool>(
                 if next == rays.len() {
                     continue;
                 }
-                flight.start(geometry, &rays[next], ahead.aim(next), next);
+                flight.start(geometry, &rays[next], ahead.aim::<S>(next), next);
                 next += 1;
             }
             let word = flight.word;

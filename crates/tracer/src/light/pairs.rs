@@ -104,6 +104,8 @@ impl Pairs {
             words = W::F::select(open, word, W::F::from_bits(words)).bits();
             open = open & reached & !(words & leaf).eq(leaf);
         }
+        // NaN where bounds overflow: no light, as for one point.
+        let pmf = W::F::select(zero.lt(pmf), pmf, zero);
         (words & W::I::splat(!LEAF), pmf)
     }
 
