@@ -184,7 +184,7 @@ pub struct SceneArgs {
     /// Frames of an animation, inclusive.
     #[arg(long, value_name = "A-B", value_parser = values::frames)]
     pub frames: Option<[u32; 2]>,
-    /// Integrator by name.
+    /// Integrator: path, guided, direct, whitted, normals, albedo, depth or uv.
     #[arg(long, value_name = "NAME")]
     pub integrator: Option<String>,
     /// Render although files are missing, with stand-ins that nobody overlooks.

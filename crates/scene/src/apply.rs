@@ -10,8 +10,8 @@ use crate::overrides::{Look, Overrides};
 use glam::{DAffine3, DMat3, DVec3};
 
 /// Integrators by the names that users write.
-pub const INTEGRATORS: [&str; 7] = [
-    "path", "direct", "whitted", "normals", "albedo", "depth", "uv",
+pub const INTEGRATORS: [&str; 8] = [
+    "path", "guided", "direct", "whitted", "normals", "albedo", "depth", "uv",
 ];
 
 /// Scattering events where nothing says how many.
@@ -21,6 +21,7 @@ pub const DEFAULT_DEPTH: u32 = 64;
 pub fn integrator(name: &str, max_depth: u32) -> Result<Integrator, String> {
     Ok(match name {
         "path" => Integrator::Path { max_depth },
+        "guided" => Integrator::Guided { max_depth },
         "direct" => Integrator::Direct { max_depth },
         "whitted" => Integrator::Whitted { max_depth },
         "normals" => Integrator::Normals,
@@ -40,6 +41,7 @@ pub fn integrator(name: &str, max_depth: u32) -> Result<Integrator, String> {
 fn depth_of(integrator: Integrator) -> u32 {
     match integrator {
         Integrator::Path { max_depth }
+        | Integrator::Guided { max_depth }
         | Integrator::Direct { max_depth }
         | Integrator::Whitted { max_depth } => max_depth,
         _ => DEFAULT_DEPTH,

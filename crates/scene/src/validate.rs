@@ -207,12 +207,18 @@ fn settings(desc: &SceneDesc, found: &mut Findings) {
         });
     }
     if let Integrator::Path { max_depth }
+    | Integrator::Guided { max_depth }
     | Integrator::Direct { max_depth }
     | Integrator::Whitted { max_depth } = desc.integrator
     {
         found.check(max_depth <= MAX_DEPTH, || {
             format!("a depth of {max_depth}; the limit is {MAX_DEPTH}")
         });
+    }
+    if matches!(desc.integrator, Integrator::Guided { .. }) && !desc.media.is_empty() {
+        found.warn(
+            "paths are not guided inside media, and not at all where camera rays may meet one first",
+        );
     }
     if let Some(animation) = &desc.animation {
         let (first, last) = animation.frames;

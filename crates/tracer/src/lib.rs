@@ -7,6 +7,7 @@ pub mod accel;
 pub mod bsdf;
 pub mod camera;
 pub mod geometry;
+mod guide;
 mod hash;
 pub mod integrator;
 mod lanes;

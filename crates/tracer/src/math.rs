@@ -36,10 +36,14 @@ const ROUND_F64: f64 = 6_755_399_441_055_744.0;
 /// Upper half of the bits of sqrt(1/2): where mantissas are cut before a logarithm.
 const SQRT_HALF_BITS: u64 = 0x3fe6_a09e_0000_0000;
 
+/// Weights of the channels in luminance.
+pub const LUMINANCE: [f32; 3] = [0.212_639, 0.715_168_7, 0.072_192_3];
+
 /// Luminance of linear Rec. 709.
 #[inline]
 pub fn luminance(c: Rgb) -> f32 {
-    0.212_639 * c.x + 0.715_168_7 * c.y + 0.072_192_3 * c.z
+    let [r, g, b] = LUMINANCE;
+    r * c.x + g * c.y + b * c.z
 }
 
 /// Mean of the three channels.

@@ -5,6 +5,7 @@ use crate::camera::filter::FilterSampler;
 use crate::camera::{Camera, PixelView};
 use crate::geometry::Interaction;
 use crate::geometry::interaction::Needs;
+use crate::guide::Guide;
 use crate::integrator::stream::Tables;
 use crate::light::{Light, Lights};
 use crate::material::Materials;
@@ -44,6 +45,8 @@ pub struct Scene {
     pub filter: Arc<FilterSampler>,
     /// How light is gathered.
     pub integrator: Integrator,
+    /// Where light comes from, if paths are guided.
+    pub(crate) guide: Option<Arc<Guide>>,
     /// What streams of paths want to know.
     pub(crate) stream: Arc<Tables>,
     /// Which points a pixel is sampled at.
@@ -99,6 +102,7 @@ impl Scene {
             media: self.media.clone(),
             camera: self.camera.clone(),
             filter: self.filter.clone(),
+            guide: self.guide.clone(),
             stream: self.stream.clone(),
             splits: self.splits.clone(),
             ..*self
@@ -121,6 +125,7 @@ impl Scene {
             + self.media.memory_bytes()
             + self.lights.lights.len() * size_of::<Light>()
             + self.stream.memory_bytes()
+            + self.guide.as_ref().map_or(0, |guide| guide.memory_bytes())
     }
 
     /// Whether a hit surface is the border of a medium.

@@ -208,6 +208,12 @@ pub enum Integrator {
         /// Scattering events of a path: 0 sees only emission.
         max_depth: u32,
     },
+    /// The same, guided: before the picture is begun, some paths find out where light comes from. For light
+    /// that arrives through gaps and round corners.
+    Guided {
+        /// Scattering events of a path.
+        max_depth: u32,
+    },
     /// World-space shading normal, mapped from [-1, 1] to [0, 1].
     Normals,
     /// Directional albedo of the first surface.

@@ -193,7 +193,7 @@ impl Default for Film {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Integrator {
-    /// path, direct, whitted, normals, albedo, depth or uv.
+    /// path, guided, direct, whitted, normals, albedo, depth or uv.
     pub name: String,
     /// Bounces that are followed.
     pub max_depth: u32,

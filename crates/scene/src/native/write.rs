@@ -149,6 +149,7 @@ fn integrator(integrator: Integrator) -> json::Integrator {
     let plain = crate::apply::DEFAULT_DEPTH;
     let (name, max_depth) = match integrator {
         Integrator::Path { max_depth } => ("path", max_depth),
+        Integrator::Guided { max_depth } => ("guided", max_depth),
         Integrator::Direct { max_depth } => ("direct", max_depth),
         Integrator::Whitted { max_depth } => ("whitted", max_depth),
         Integrator::Normals => ("normals", plain),

@@ -10,6 +10,7 @@ use tracer::{StopFlag, render_unit};
     args = [
         "cornell-box", "soft-shadows", "glossy", "depth-of-field", "motion-blur", "environment", "glass",
         "metals", "textures", "instances", "veach-mis", "whitted", "umbrella-street",
+        "door-ajar",
     ],
     sample_count = 5
 )]

@@ -140,6 +140,9 @@ pub enum Bsdf<'s> {
     Black,
 }
 
+/// How narrow lobes about the mirrored view may be, see [`Reach::Mirrored`], for guidance to be of use.
+pub(crate) const GUIDED_MOST: u32 = 3;
+
 impl Bsdf<'_> {
     /// f |cos wi|; zero for delta lobes.
     #[inline]
@@ -246,6 +249,18 @@ impl Bsdf<'_> {
             Bsdf::Mixed(b) => b.albedo(wo),
             Bsdf::Black => Rgb::ZERO,
         }
+    }
+
+    /// Whether it pays to look where light comes from when a direction is drawn: where lobes are wide. Light
+    /// must not be bent, as nobody would say by how much.
+    #[inline]
+    pub(crate) fn takes_guidance(&self) -> bool {
+        let is_wide = match self.reach() {
+            Reach::Mirrored(narrow) => narrow <= GUIDED_MOST,
+            Reach::Cosine | Reach::Anywhere => true,
+        };
+        let bends = self.transmits() && !matches!(self, Bsdf::DiffuseTransmission(_));
+        is_wide && !bends && !self.is_delta()
     }
 
     /// Whether light passes to the other side.

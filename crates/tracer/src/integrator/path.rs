@@ -6,9 +6,10 @@
 
 use super::{First, PASS_MAX, from_infinity, power_heuristic, sky_alpha, volpath};
 use crate::geometry::Interaction;
+use crate::guide::{self, Guide, Guided, Mark};
 use crate::light::Aim;
 use crate::material::{Shading, Slots};
-use crate::math::Rgb;
+use crate::math::{Rgb, luminance};
 use crate::ray::{NONE, Ray};
 use crate::sampler::{BounceNumbers, Sampler};
 use crate::scene::Scene;
@@ -40,6 +41,10 @@ pub(super) struct Carried {
     pub depth: u32,
     /// Into how many the path was split: each lives as long as the whole would.
     pub split: f32,
+    /// Luminance that the camera is expected to see, if a guide knows; else 0.
+    pub expected: f32,
+    /// Density that the last direction was drawn with, guidance and roulette included, for a guide that learns.
+    pub drawn: f32,
 }
 
 impl Carried {
@@ -53,6 +58,8 @@ impl Carried {
             last_aim: Aim::ANYWHERE,
             depth: 0,
             split: 1.0,
+            expected: 0.0,
+            drawn: 0.0,
         }
     }
 
@@ -296,6 +303,7 @@ pub(super) fn scatter(
     carried: &mut Carried,
 ) -> (Option<Shadow>, Option<Ray>) {
     carried.depth += 1;
+    let world_wo = wo;
     let wo = shading.frame.to_local(wo);
     let aim = shading.aim(wo);
     let shadow = if shading.bsdf.is_delta() {
@@ -303,26 +311,62 @@ pub(super) fn scatter(
     } else {
         light(scene, it, shading, aim, wo, numbers, carried)
     };
-    let Some(s) = shading.sample(wo, numbers.lobe, numbers.bsdf) else {
+    let guided = match &scene.guide {
+        None => Guided::without(shading.sample(wo, numbers.lobe, numbers.bsdf)),
+        Some(guide) => {
+            let mark = guide::mark_of(guide, it, shading, world_wo);
+            expect(guide, mark, it.p, carried);
+            match guide.directions(mark) {
+                Some(directions) => directions.guide(shading, wo, numbers),
+                None => Guided::without(shading.sample(wo, numbers.lobe, numbers.bsdf)),
+            }
+        }
+    };
+    let Some(Guided { s, drawn, comes }) = guided else {
         return (shadow, None);
     };
     carried.throughput *= s.weight;
+    carried.drawn = drawn;
+    // Directions that light comes from are found more often, so that each carries less: that must not end them.
+    if comes.is_some() {
+        carried.eta_scale *= drawn / s.pdf;
+    }
     if s.transmitted {
         carried.eta_scale *= s.eta * s.eta;
     }
     if carried.depth >= ROULETTE_FROM {
-        let strongest = carried.throughput.max_element();
-        let keep = (strongest * carried.eta_scale * (ROULETTE_FACTOR * carried.split)).min(1.0);
+        let keep = match comes {
+            Some(comes) if carried.expected > 0.0 => {
+                let throughput = luminance(carried.throughput) * carried.split;
+                guide::keep(throughput, comes, carried.expected)
+            }
+            _ => {
+                let strongest = carried.throughput.max_element();
+                (strongest * carried.eta_scale * (ROULETTE_FACTOR * carried.split)).min(1.0)
+            }
+        };
         let goes_on = numbers.roulette < keep;
         if !goes_on {
             return (shadow, None);
         }
         carried.throughput *= 1.0 / keep;
+        carried.drawn *= keep;
     }
     carried.last_pdf = if s.delta { None } else { Some(s.pdf) };
     carried.last_p = it.p;
     carried.last_aim = aim;
     (shadow, Some(it.spawn(shading.frame.to_world(s.wi))))
+}
+
+/// What the camera is expected to see, at the first vertex where a guide knows.
+#[inline(always)]
+pub(super) fn expect(guide: &Guide, mark: Mark, p: Vec3, carried: &mut Carried) {
+    if let Some(way) = mark.way()
+        && carried.expected == 0.0
+    {
+        let throughput = luminance(carried.throughput) * carried.split;
+        carried.expected = throughput * guide.sent(p, way);
+    }
 }
 
 /// Light sent to `wo` from a sampled light, weighted against sampling the BSDF.

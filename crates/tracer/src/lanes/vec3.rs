@@ -93,6 +93,13 @@ impl<W: Wide<N>, const N: usize> V3<W, N> {
         }
     }
 
+    /// [`crate::math::luminance`].
+    #[inline(always)]
+    pub fn luminance(self) -> W::F {
+        let [r, g, b] = crate::math::LUMINANCE;
+        W::F::splat(r) * self.x + W::F::splat(g) * self.y + W::F::splat(b) * self.z
+    }
+
     /// The largest component.
     #[inline(always)]
     pub fn max_element(self) -> W::F {

@@ -11,6 +11,7 @@ use crate::accel::{Few, Geometry, SimdLevel};
 use crate::camera::Camera;
 use crate::camera::filter::FilterSampler;
 use crate::geometry::Surface;
+use crate::guide::Guide;
 use crate::integrator::stream::Tables;
 use crate::light::{Goniometric, Light, Lights, Projection, environment::Environment};
 use crate::material::Materials;
@@ -22,7 +23,7 @@ use crate::texture::Textures;
 use crate::texture::image::Image;
 use crate::{PrepareError, PrepareSettings, StopFlag};
 use ::scene::AssetSource;
-use ::scene::model::{self, SceneDesc};
+use ::scene::model::{self, Integrator, SceneDesc};
 use film::TileGrid;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -82,7 +83,7 @@ fn compile(
     )?;
 
     let mut materials = Materials::new(&desc.materials, &textures);
-    if desc.integrator == scene::model::Integrator::Uv {
+    if desc.integrator == Integrator::Uv {
         materials.show_coordinates();
     }
     check_media(desc)?;
@@ -123,6 +124,10 @@ fn compile(
         has_alpha,
     };
     let [x0, y0, x1, y1] = film.crop.unwrap_or([0, 0, film.width, film.height]);
+    let (integrator, is_guided) = match desc.integrator {
+        Integrator::Guided { max_depth } => (Integrator::Path { max_depth }, !is_foggy),
+        other => (other, false),
+    };
     let tables = Tables::new(&geometry, &materials, &lights);
     let mut scene = Scene {
         geometry: Arc::new(Geometry {
@@ -138,7 +143,8 @@ fn compile(
         view: camera.pixel_view([film.width, film.height]),
         camera: Arc::new(camera),
         filter: Arc::new(FilterSampler::new(&film.filter)),
-        integrator: desc.integrator,
+        integrator,
+        guide: None,
         stream: Arc::new(tables),
         sampler: desc.sampler,
         splits: Arc::default(),
@@ -154,6 +160,9 @@ fn compile(
         max_component: film.max_component.unwrap_or(f32::INFINITY),
         clamp_indirect: settings.clamp_indirect.unwrap_or(f32::INFINITY),
     };
+    if let (Integrator::Path { max_depth }, true) = (integrator, is_guided) {
+        Guide::train(&mut scene, max_depth, stop)?;
+    }
     scene.splits = Arc::new(Splits::choose(&scene, stop)?);
     Ok(scene)
 }

@@ -17,6 +17,7 @@ mod determinism;
 mod error_coverage;
 mod filters;
 mod furnace;
+mod guiding;
 mod irradiance;
 mod lights;
 mod media;

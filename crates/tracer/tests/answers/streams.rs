@@ -37,6 +37,7 @@ fn scenes_of_the_project_keep_their_bits() {
     for name in [
         "cornell-box",
         "depth-of-field",
+        "door-ajar",
         "environment",
         "glass",
         "glossy",
@@ -304,9 +305,24 @@ fn some_scene(rng: &mut StdRng) -> SceneDesc {
 /// Scenes put together by chance, at every level of instructions.
 #[test]
 fn any_scene_keeps_its_bits() {
-    for seed in 0..60 {
+    keeps_bits(0..60, |_| {});
+}
+
+/// The same with paths that are guided.
+#[test]
+fn any_guided_scene_keeps_its_bits() {
+    keeps_bits(100..124, |desc| {
+        if let Integrator::Path { max_depth } = desc.integrator {
+            desc.integrator = Integrator::Guided { max_depth };
+        }
+    });
+}
+
+fn keeps_bits(seeds: std::ops::Range<u64>, change: impl Fn(&mut SceneDesc)) {
+    for seed in seeds {
         let mut rng = StdRng::seed_from_u64(seed);
-        let desc = some_scene(&mut rng);
+        let mut desc = some_scene(&mut rng);
+        change(&mut desc);
         let settings = tracer::PrepareSettings {
             seed,
             frame: 1,

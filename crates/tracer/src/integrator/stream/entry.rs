@@ -46,6 +46,14 @@ entry! {
     pub(super) fn scatter_dielectric(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::dielectric;
 }
 entry! {
+    /// See [`scatter::guide_diffuse`].
+    pub(super) fn guide_diffuse(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::guide_diffuse;
+}
+entry! {
+    /// See [`scatter::guide_conductor`].
+    pub(super) fn guide_conductor(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::guide_conductor;
+}
+entry! {
     /// See [`scatter::aim_conductor`].
     pub(super) fn aim_conductor(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::aim_conductor;
 }

@@ -22,15 +22,19 @@ mod paths;
 mod pilot;
 mod scatter;
 mod tables;
+mod trainer;
 
 pub(crate) use paths::PixelOf;
 pub(crate) use pilot::{PILOT_PIXELS, Pilot};
 pub(crate) use tables::Tables;
+pub(crate) use trainer::Trainer;
 
 use super::{path, volpath};
 use crate::StopFlag;
 use crate::bsdf::Bsdf;
+use crate::bsdf::GUIDED_MOST;
 use crate::geometry::Interaction;
+use crate::guide::{self, Guide};
 use crate::material::Slots;
 use crate::math::Rgb;
 use crate::ray::NONE;
@@ -38,6 +42,7 @@ use crate::render::SamplesOf;
 use crate::sampler::PixelPoints;
 use crate::scene::Scene;
 use film::{Columns, Counters, SampleBuffer};
+use glam::Vec3;
 use paths::{Lists, Paths, Place};
 use tables::{Find, Kind, Model};
 
@@ -96,13 +101,7 @@ impl Stream {
         counters: &mut Counters,
         stop: &StopFlag,
     ) -> Option<()> {
-        let wave = Wave {
-            scene,
-            event: 0,
-            max_depth,
-        };
-        let level = wave.scene.geometry.level;
-        entry::camera_rays(level, &wave, &mut self.paths);
+        self.begin(scene);
         let mut event = 0;
         while !self.paths.is_done() {
             if stop.is_stopped() {
@@ -112,6 +111,16 @@ impl Stream {
             event += 1;
         }
         Some(())
+    }
+
+    /// Makes the rays from the camera.
+    fn begin(&mut self, scene: &Scene) {
+        let wave = Wave {
+            scene,
+            event: 0,
+            max_depth: 0,
+        };
+        entry::camera_rays(scene.geometry.level, &wave, &mut self.paths);
     }
 
     /// Adds what the samples have brought to the sums of their pixels.
@@ -185,10 +194,17 @@ impl Stream {
             [Model::Diffuse, Model::Conductor, Model::Dielectric].map(|m| lists.scattering(m));
         counters.bounces += (diffuse.len() + conductor.len() + dielectric.len()) as u64;
         light::choose(wave, paths, Model::Diffuse, diffuse);
-        entry::scatter_diffuse(level, wave, paths, diffuse);
         entry::aim_conductor(level, wave, paths, conductor);
         light::choose(wave, paths, Model::Conductor, conductor);
-        entry::scatter_conductor(level, wave, paths, conductor);
+        if let Some(guide) = &wave.scene.guide {
+            mark(guide, paths, Model::Diffuse, diffuse);
+            mark(guide, paths, Model::Conductor, conductor);
+            entry::guide_diffuse(level, wave, paths, diffuse);
+            entry::guide_conductor(level, wave, paths, conductor);
+        } else {
+            entry::scatter_diffuse(level, wave, paths, diffuse);
+            entry::scatter_conductor(level, wave, paths, conductor);
+        }
         light::choose(wave, paths, Model::Dielectric, dielectric);
         entry::scatter_dielectric(level, wave, paths, dielectric);
         counters.shadow_rays += paths.cast_shadows(&scene.geometry) as u64;
@@ -230,6 +246,20 @@ impl Stream {
     }
 }
 
+/// Looks up what a guide knows at vertices, and what the camera is expected to see.
+fn mark(guide: &Guide, paths: &mut Paths, model: Model, places: &[Place]) {
+    for place in places {
+        if model == Model::Conductor && paths.last_aim(*place).narrow > GUIDED_MOST {
+            continue;
+        }
+        let [x, y, z, _, gx, gy, gz, _] = paths.point[place.slot as usize].0;
+        let (p, ng) = (Vec3::new(x, y, z), Vec3::new(gx, gy, gz));
+        let mark = guide.mark(p, ng, paths.ray(*place).direction);
+        paths.set_mark(place.slot, mark);
+        paths.expect(guide, mark, p, place.slot);
+    }
+}
+
 /// A ray that hits nothing.
 #[inline]
 fn escape(scene: &Scene, paths: &mut Paths, place: Place) {
@@ -252,7 +282,12 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
     let mut it = Interaction::NONE;
     scene.find(&ray, &hit, &mut it);
     let wo = -ray.direction;
+    let before = gathered.radiance;
     path::shine(scene, &it, wo, &carried, &mut gathered);
+    let learns = scene.guide.as_ref().is_some_and(|guide| guide.learns);
+    if learns {
+        paths.set_shone(place.slot, gathered.radiance - before);
+    }
     if scene.leads_to_media(&hit) {
         let mut points = PixelPoints::new(scene.sampler, paths.pixel_key(place.slot));
         let mut sampler = paths.sampler(place, wave.event, &mut points);
@@ -314,6 +349,10 @@ fn scatter_one(wave: &Wave, paths: &mut Paths, place: Place, counters: &mut Coun
         };
         if split > 1 {
             draw_one(wave, paths, place);
+        }
+        if learns && let Some(guide) = &scene.guide {
+            paths.set_vertex(place, &it, shading.frame.n, Rgb::ZERO);
+            paths.set_mark(place.slot, guide::mark_of(guide, &it, &shading, wo));
         }
         let numbers = paths.numbers(place);
         let mut carried = paths.carried(place);

@@ -5,11 +5,12 @@ use super::CAPACITY;
 use super::tables::{Find, Model};
 use crate::accel::Geometry;
 use crate::geometry::Interaction;
+use crate::guide::{Guide, Mark};
 use crate::integrator::First;
 use crate::integrator::path::{Carried, Gathered, Shadow};
 use crate::lanes::{LANES, MOST_LANES, Row, Wide};
 use crate::light::Aim;
-use crate::math::Rgb;
+use crate::math::{Rgb, luminance};
 use crate::ray::{Hit, Ray};
 use crate::sampler::{self, BounceNumbers, LatticeKeys, PixelKey, PixelPoints, Sampler};
 use glam::{Vec2, Vec3};
@@ -40,9 +41,9 @@ pub(super) struct Paths {
     shadow_rays: Vec<Row>,
     shadow_light: Vec<(Rgb, u32)>,
     blocked: Vec<bool>,
-    /// By slot: throughput, eta_scale, last_pdf, depth (bits), split.
+    /// By slot: throughput, eta_scale, last_pdf, depth (bits), split, expected.
     pub carried: Vec<Row>,
-    /// By slot: last_p, axis of last_aim, its narrowness (bits).
+    /// By slot: last_p, axis of last_aim, its narrowness (bits), drawn.
     pub last: Vec<Row>,
     /// By slot: alpha, albedo, normal, depth of the first surface.
     pub first: Vec<Row>,
@@ -50,11 +51,14 @@ pub(super) struct Paths {
     pub numbers: Vec<Row>,
     /// By slot: point, error, geometric normal, pmf of the light.
     pub point: Vec<Row>,
-    /// By slot: shading normal; albedo of a diffuse surface, material (bits) of others; light (bits).
+    /// By slot: shading normal; albedo of a diffuse surface, material (bits) of others; light (bits);
+    /// mark (bits).
     pub surface: Vec<Row>,
     /// By slot: radiance, weight of the pixel filter.
     pub radiance: Vec<Row>,
     rare: Vec<Rare>,
+    /// By slot: what the surface that was met gives off; kept for a guide that learns.
+    shone: Vec<Rgb>,
     any_passed: bool,
     /// Paths that a sample is split into; those of one lie side by side, the camera's first.
     split: usize,
@@ -119,6 +123,7 @@ impl Paths {
             surface: rows(),
             radiance: rows(),
             rare: vec![Rare::NONE; CAPACITY],
+            shone: vec![Rgb::ZERO; CAPACITY],
             any_passed: false,
             split: 1,
             len: 0,
@@ -142,6 +147,8 @@ impl Paths {
             last_aim: Aim::ANYWHERE,
             depth: 0,
             split: 1.0,
+            expected: 0.0,
+            drawn: 0.0,
         };
         self.carried.fill(carried_row(&nothing));
         self.first.fill(first_row(&First::NOTHING));
@@ -360,8 +367,8 @@ impl Paths {
     }
 
     pub fn carried(&self, place: Place) -> Carried {
-        let [r, g, b, eta_scale, pdf, depth, split, _] = self.carried[place.slot as usize].0;
-        let [px, py, pz, ax, ay, az, narrow, _] = self.last[place.slot as usize].0;
+        let [r, g, b, eta_scale, pdf, depth, split, expected] = self.carried[place.slot as usize].0;
+        let [px, py, pz, ax, ay, az, narrow, drawn] = self.last[place.slot as usize].0;
         Carried {
             throughput: Rgb::new(r, g, b),
             eta_scale,
@@ -373,6 +380,8 @@ impl Paths {
             },
             depth: depth.to_bits(),
             split,
+            expected,
+            drawn,
         }
     }
 
@@ -389,7 +398,7 @@ impl Paths {
         self.carried[place.slot as usize] = carried_row(c);
         let ([px, py, pz], [ax, ay, az]) = (c.last_p.to_array(), c.last_aim.axis.to_array());
         let narrow = f32::from_bits(c.last_aim.narrow);
-        self.last[place.slot as usize] = Row([px, py, pz, ax, ay, az, narrow, 0.0]);
+        self.last[place.slot as usize] = Row([px, py, pz, ax, ay, az, narrow, c.drawn]);
     }
 
     pub fn gathered(&self, place: Place) -> Gathered {
@@ -495,6 +504,45 @@ impl Paths {
         self.surface[slot] = Row([nx, ny, nz, r, g, b, 0.0, 0.0]);
     }
 
+    /// What a guide knows at a vertex.
+    #[inline(always)]
+    pub fn mark(&self, slot: u32) -> Mark {
+        Mark(self.surface[slot as usize].0[7].to_bits())
+    }
+
+    /// See [`Paths::mark`]; it goes when another vertex is found.
+    #[inline(always)]
+    pub fn set_mark(&mut self, slot: u32, mark: Mark) {
+        self.surface[slot as usize].0[7] = f32::from_bits(mark.0);
+    }
+
+    /// See [`path::expect`](crate::integrator::path::expect).
+    #[inline(always)]
+    pub fn expect(&mut self, guide: &Guide, mark: Mark, p: Vec3, slot: u32) {
+        let carried = &mut self.carried[slot as usize].0;
+        if let Some(way) = mark.way()
+            && carried[7] == 0.0
+        {
+            let throughput = luminance(Rgb::from_slice(carried)) * carried[6];
+            carried[7] = throughput * guide.sent(p, way);
+        }
+    }
+
+    /// What the surface that was met gives off; see [`Trainer`](super::Trainer).
+    pub fn shone(&self, slot: u32) -> Rgb {
+        self.shone[slot as usize]
+    }
+
+    /// See [`Paths::shone`].
+    pub fn set_shone(&mut self, slot: u32, light: Rgb) {
+        self.shone[slot as usize] = light;
+    }
+
+    /// Density that the last direction was drawn with; see [`Carried::drawn`].
+    pub fn drawn(&self, slot: u32) -> f32 {
+        self.last[slot as usize].0[7]
+    }
+
     /// The path goes on.
     pub fn go_on(&mut self, place: Place, ray: &Ray) {
         self.push_next(bytemuck::cast(*ray), place.slot);
@@ -548,7 +596,7 @@ fn carried_row(c: &Carried) -> Row {
     let [r, g, b] = c.throughput.to_array();
     let pdf = c.last_pdf.unwrap_or(NO_DENSITY);
     let depth = f32::from_bits(c.depth);
-    Row([r, g, b, c.eta_scale, pdf, depth, c.split, 0.0])
+    Row([r, g, b, c.eta_scale, pdf, depth, c.split, c.expected])
 }
 
 fn first_row(first: &First) -> Row {

@@ -4,8 +4,9 @@
 use super::Wave;
 use super::light::{self, Arriving};
 use super::paths::{self, Group, NO_DENSITY, Paths, Place};
-use crate::bsdf::lanes::{AimOf, Lanes};
+use crate::bsdf::lanes::{AimOf, Lanes, Samples};
 use crate::bsdf::{ConductorLanes, DielectricLanes, DiffuseLanes};
+use crate::guide::{self, BRINGS_FACTOR, COS_MIN, SHARE};
 use crate::integrator::path::{ROULETTE_FACTOR, ROULETTE_FROM};
 use crate::lanes::{Float, Frame3, Int, LANES, Mask, Row, V3, Wide};
 use crate::math::Rgb;
@@ -17,7 +18,7 @@ pub(super) fn diffuse<W: Wide<N>, const N: usize>(
     paths: &mut Paths,
     places: &[Place],
 ) {
-    scatter::<W, N, DiffuseLanes<W, N>>(wave, paths, places);
+    scatter::<W, N, DiffuseLanes<W, N>, false>(wave, paths, places);
 }
 
 /// Scatters on metal.
@@ -27,7 +28,27 @@ pub(super) fn conductor<W: Wide<N>, const N: usize>(
     paths: &mut Paths,
     places: &[Place],
 ) {
-    scatter::<W, N, ConductorLanes<W, N>>(wave, paths, places);
+    scatter::<W, N, ConductorLanes<W, N>, false>(wave, paths, places);
+}
+
+/// [`diffuse`] with the guidance that there is.
+#[inline(always)]
+pub(super) fn guide_diffuse<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    scatter::<W, N, DiffuseLanes<W, N>, true>(wave, paths, places);
+}
+
+/// [`conductor`] with the guidance that there is.
+#[inline(always)]
+pub(super) fn guide_conductor<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    scatter::<W, N, ConductorLanes<W, N>, true>(wave, paths, places);
 }
 
 /// Scatters at glass.
@@ -37,7 +58,7 @@ pub(super) fn dielectric<W: Wide<N>, const N: usize>(
     paths: &mut Paths,
     places: &[Place],
 ) {
-    scatter::<W, N, DielectricLanes<W, N>>(wave, paths, places);
+    scatter::<W, N, DielectricLanes<W, N>, false>(wave, paths, places);
 }
 
 /// What lights are to be chosen for on metal, where there is a choice.
@@ -52,7 +73,8 @@ pub(super) fn aim_conductor<W: Wide<N>, const N: usize>(
         let vertex = Vertex::<W, N>::gather(paths, &group);
         let bsdf = model::<W, N, ConductorLanes<W, N>>(wave, paths, &group, &vertex);
         let wo = vertex.frame().to_local(vertex.wo);
-        keep_last::<W, N, ConductorLanes<W, N>>(paths, &group, &vertex, &bsdf, wo);
+        let zero = W::F::splat(0.0);
+        keep_last::<W, N, ConductorLanes<W, N>>(paths, &group, &vertex, &bsdf, wo, zero);
     }
 }
 
@@ -120,7 +142,7 @@ fn model<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     B::new([W::columns(rows[0]), W::columns(rows[1])])
 }
 
-/// Keeps the vertex and what lights are chosen for there.
+/// Keeps the vertex, what lights are chosen for there and the density that the direction was drawn with.
 #[inline(always)]
 fn keep_last<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     paths: &mut Paths,
@@ -128,6 +150,7 @@ fn keep_last<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     vertex: &Vertex<W, N>,
     bsdf: &B,
     wo: V3<W, N>,
+    drawn: W::F,
 ) {
     let zero = W::F::splat(0.0);
     let (axis, narrow) = match B::AIM {
@@ -142,13 +165,13 @@ fn keep_last<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
     paths::scatter::<W, N>(
         &mut paths.last,
         &group.slots,
-        [p.x, p.y, p.z, axis.x, axis.y, axis.z, narrow, zero],
+        [p.x, p.y, p.z, axis.x, axis.y, axis.z, narrow, drawn],
     );
 }
 
 /// Scatters at as many vertices at a time as there are lanes: shadow rays, and the rays that go on.
 #[inline(always)]
-fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
+fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>, const GUIDED: bool>(
     wave: &Wave,
     paths: &mut Paths,
     places: &[Place],
@@ -159,7 +182,8 @@ fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
         let vertex = Vertex::<W, N>::gather(paths, &group);
         let bsdf: B = model::<W, N, B>(wave, paths, &group, &vertex);
         let [lx, ly, bx, by, _, lobe, roulette, _] = W::gather(&paths.numbers, &group.slots);
-        let [tr, tg, tb, eta_scale, _, depth, split, _] = W::gather(&paths.carried, &group.slots);
+        let [tr, tg, tb, eta_scale, _, depth, split, expected] =
+            W::gather(&paths.carried, &group.slots);
         let frame = vertex.frame();
         let wo = frame.to_local(vertex.wo);
         let throughput = V3::<W, N>::new(tr, tg, tb);
@@ -182,11 +206,29 @@ fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
             }
         }
         // The direction that the path goes on in.
-        let s = bsdf.sample(wo, lobe, (bx, by));
+        let guided = if GUIDED {
+            guide::<W, N, B>(wave, paths, &group, &frame, &bsdf, wo, lobe, (bx, by))
+        } else {
+            Guided::without(bsdf.sample(wo, lobe, (bx, by)))
+        };
+        let s = guided.s;
         let throughput = throughput.times(s.weight);
+        let mut eta_scale = eta_scale;
+        if GUIDED {
+            let more = W::F::select(guided.any, guided.drawn / s.pdf, one);
+            eta_scale = eta_scale * more;
+        }
         let eta_scale = eta_scale * (s.eta * s.eta);
         let factor = W::F::splat(ROULETTE_FACTOR) * split;
-        let keep = (throughput.max_element() * eta_scale * factor).min(one);
+        let mut keep = (throughput.max_element() * eta_scale * factor).min(one);
+        if GUIDED {
+            let weight = throughput.luminance() * split;
+            let brings = weight * guided.comes;
+            let by_guide = (W::F::splat(BRINGS_FACTOR) * brings / expected)
+                .max(weight)
+                .min(one);
+            keep = W::F::select(guided.any & zero.lt(expected), by_guide, keep);
+        }
         let is_at_stake = is_at_least::<W, N>(depth, ROULETTE_FROM);
         let goes_on = s.any & (!is_at_stake | roulette.lt(keep));
         let kept = throughput * (one / keep);
@@ -214,9 +256,87 @@ fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
         paths::scatter::<W, N>(
             &mut paths.carried,
             &group.slots,
-            [t.x, t.y, t.z, eta_scale, pdf, depth, split, zero],
+            [t.x, t.y, t.z, eta_scale, pdf, depth, split, expected],
         );
-        keep_last::<W, N, B>(paths, &group, &vertex, &bsdf, wo);
+        let drawn = W::F::select(is_at_stake, guided.drawn * keep, guided.drawn);
+        keep_last::<W, N, B>(paths, &group, &vertex, &bsdf, wo, drawn);
+    }
+}
+
+/// Directions drawn with or without guidance; see [`guide::Guided`](crate::guide::Guided).
+struct Guided<W: Wide<N>, const N: usize> {
+    s: Samples<W, N>,
+    /// Density that they were drawn with.
+    drawn: W::F,
+    /// Radiance that is expected from there, where there was guidance,
+    comes: W::F,
+    /// that is, here.
+    any: W::M,
+}
+
+impl<W: Wide<N>, const N: usize> Guided<W, N> {
+    #[inline(always)]
+    fn without(s: Samples<W, N>) -> Self {
+        Guided {
+            drawn: s.pdf,
+            s,
+            comes: W::F::splat(0.0),
+            any: W::M::from_bits(0),
+        }
+    }
+}
+
+/// See [`Directions::guide`](crate::guide::Directions::guide).
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "all of a group at hand")]
+fn guide<W: Wide<N>, const N: usize, B: Lanes<W, N>>(
+    wave: &Wave,
+    paths: &Paths,
+    group: &Group<N>,
+    frame: &Frame3<W, N>,
+    bsdf: &B,
+    wo: V3<W, N>,
+    lobe: W::F,
+    u: (W::F, W::F),
+) -> Guided<W, N> {
+    let mut roots = [0; N];
+    let mut any = 0;
+    for lane in 0..N {
+        roots[lane] = paths.mark(group.slots[lane]).root();
+        any |= u32::from(roots[lane] != 0) << lane;
+    }
+    let Some(guide) = wave.scene.guide.as_ref().filter(|_| any != 0) else {
+        return Guided::without(bsdf.sample(wo, lobe, u));
+    };
+    let quads = guide.quads();
+    let mut irradiance = Row::<N>::default();
+    for lane in 0..N {
+        irradiance.0[lane] = quads[roots[lane] as usize].0[3];
+    }
+    let (zero, one, share) = (W::F::splat(0.0), W::F::splat(1.0), W::F::splat(SHARE));
+    let any = W::M::from_bits(any);
+    let by_guide = any & lobe.lt(share);
+    let rest = (lobe - share) * (one / (one - share));
+    let mut s = bsdf.sample(wo, W::F::select(any, rest, lobe), u);
+    let by_bsdf = frame.to_world(s.wi);
+    let (w, density) = guide::lanes::draw::<W, N>(quads, &roots, by_guide, u, by_bsdf);
+    let wi = V3::select(by_guide, frame.to_local(w), s.wi);
+    let (f, pdf) = bsdf.eval_pdf(wo, wi);
+    let pdf = W::F::select(by_guide, pdf, s.pdf);
+    let weight = V3::select(by_guide, f, s.weight * s.pdf);
+    let mixed = share * density + (one - share) * pdf;
+    let drawn = W::F::select(any, mixed, s.pdf);
+    s.any = (by_guide & !f.is_zero()) | (!by_guide & s.any);
+    s.weight = V3::select(any, weight * (one / mixed), s.weight);
+    s.pdf = pdf;
+    s.wi = wi;
+    let cos = wi.z.abs().max(W::F::splat(COS_MIN));
+    let comes = W::F::load(&irradiance) * density / cos;
+    Guided {
+        s,
+        drawn,
+        comes: W::F::select(any, comes, zero),
+        any,
     }
 }
 
