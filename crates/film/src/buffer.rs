@@ -151,22 +151,32 @@ pub struct SampleBuffer {
 impl SampleBuffer {
     /// All sums zero.
     pub fn new(tile: Tile, samples: SampleRange) -> Self {
-        // Many at a time: one by one each of so large an element is a copy of its own.
-        static ZERO: [PixelSums; 64] = [PixelSums::ZERO; 64];
-        let mut left = tile.pixels();
-        let mut pixels = Vec::with_capacity(left);
-        while left > 0 {
-            let some = left.min(ZERO.len());
-            pixels.extend_from_slice(&ZERO[..some]);
-            left -= some;
-        }
-        SampleBuffer {
+        let mut buffer = SampleBuffer {
             tile,
             samples,
-            pixels,
+            pixels: Vec::new(),
             rejected: Vec::new(),
             rejected_count: 0,
+        };
+        buffer.reset(tile, samples);
+        buffer
+    }
+
+    /// All sums zero again, for another unit, in the same memory.
+    pub fn reset(&mut self, tile: Tile, samples: SampleRange) {
+        // Many at a time: one by one each of so large an element is a copy of its own.
+        static ZERO: [PixelSums; 64] = [PixelSums::ZERO; 64];
+        (self.tile, self.samples) = (tile, samples);
+        let mut left = tile.pixels();
+        self.pixels.clear();
+        self.pixels.reserve_exact(left);
+        while left > 0 {
+            let some = left.min(ZERO.len());
+            self.pixels.extend_from_slice(&ZERO[..some]);
+            left -= some;
         }
+        self.rejected.clear();
+        self.rejected_count = 0;
     }
 
     /// The tile.

@@ -26,7 +26,7 @@ pub mod texture;
 
 pub use accel::SimdLevel;
 pub use prepare::prepare;
-pub use render::{render_singly, render_unit};
+pub use render::{Workspace, render_singly, render_unit};
 pub use scene::Scene;
 
 use std::sync::OnceLock;

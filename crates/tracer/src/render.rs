@@ -22,31 +22,66 @@ pub fn render_unit(
     unit: &Unit,
     stop: &StopFlag,
 ) -> Option<(SampleBuffer, Counters)> {
-    match scene.integrator {
-        Integrator::Path { max_depth } if !scene.is_foggy => {
-            render_stream(scene, unit, max_depth, stop)
-        }
-        _ => render_singly(scene, unit, stop),
+    let mut workspace = Workspace::default();
+    let (_, counters) = workspace.render(scene, unit, stop)?;
+    Some((workspace.buffer?, counters))
+}
+
+/// Room to render in, for one unit after another. The sums of a tile are a megabyte: where units are
+/// short, asking the system for it each time, and giving it back, takes a noticeable part of the time.
+#[derive(Default)]
+pub struct Workspace {
+    buffer: Option<SampleBuffer>,
+    stream: Option<Stream>,
+}
+
+impl Workspace {
+    /// [`render_unit`], with sums that stay here until the next unit.
+    pub fn render(
+        &mut self,
+        scene: &Scene,
+        unit: &Unit,
+        stop: &StopFlag,
+    ) -> Option<(&SampleBuffer, Counters)> {
+        let tile = scene.grid.tile(unit.tile);
+        let buffer = match &mut self.buffer {
+            Some(buffer) => {
+                buffer.reset(tile, unit.samples);
+                buffer
+            }
+            none => none.insert(SampleBuffer::new(tile, unit.samples)),
+        };
+        let counters = match scene.integrator {
+            Integrator::Path { max_depth } if !scene.is_foggy => {
+                // One that is stopped midway is not used again.
+                let mut stream = self.stream.take().unwrap_or_else(Stream::new);
+                let counters = add_stream(scene, unit, max_depth, stop, &mut stream, buffer)?;
+                self.stream = Some(stream);
+                counters
+            }
+            _ => add_singly(scene, unit, stop, buffer)?,
+        };
+        Some((buffer, counters))
     }
 }
 
-/// [`render_unit`] with many paths side by side.
-fn render_stream(
+/// Many paths side by side.
+fn add_stream(
     scene: &Scene,
     unit: &Unit,
     max_depth: u32,
     stop: &StopFlag,
-) -> Option<(SampleBuffer, Counters)> {
-    let mut buffer = SampleBuffer::new(scene.grid.tile(unit.tile), unit.samples);
+    stream: &mut Stream,
+    buffer: &mut SampleBuffer,
+) -> Option<Counters> {
     let mut counters = Counters::default();
     let mut scene = scene.view();
     let mut samples = SamplesOf::new(&scene, unit);
-    let mut stream = Stream::new();
     while stream.fill(&scene, &mut samples) {
         stream.trace(&mut scene, max_depth, &mut counters, stop)?;
-        stream.add_to(&scene, &mut buffer, &mut counters);
+        stream.add_to(&scene, buffer, &mut counters);
     }
-    Some((buffer, counters))
+    Some(counters)
 }
 
 /// [`render_unit`] one sample after another: whatever is not done in streams, and the reference for
@@ -57,6 +92,16 @@ pub fn render_singly(
     stop: &StopFlag,
 ) -> Option<(SampleBuffer, Counters)> {
     let mut buffer = SampleBuffer::new(scene.grid.tile(unit.tile), unit.samples);
+    let counters = add_singly(scene, unit, stop, &mut buffer)?;
+    Some((buffer, counters))
+}
+
+fn add_singly(
+    scene: &Scene,
+    unit: &Unit,
+    stop: &StopFlag,
+    buffer: &mut SampleBuffer,
+) -> Option<Counters> {
     let mut counters = Counters::default();
     let mut scene = scene.view();
     let mut samples = SamplesOf::new(&scene, unit);
@@ -78,7 +123,7 @@ pub fn render_singly(
             }
         }
     }
-    Some((buffer, counters))
+    Some(counters)
 }
 
 /// Some samples of a pixel, one after another.
