@@ -2,13 +2,10 @@
 
 use std::time::{Duration, Instant};
 
-/// The system brings its figure up to date only every few milliseconds: below this it says nothing.
-const COARSE_SECONDS: f64 = 0.01;
-
 /// Runs from [`Stopwatch::start`].
 pub struct Stopwatch {
     wall: Instant,
-    cpu: Option<u64>,
+    cpu: Option<Duration>,
 }
 
 impl Stopwatch {
@@ -16,7 +13,7 @@ impl Stopwatch {
     pub fn start() -> Self {
         Stopwatch {
             wall: Instant::now(),
-            cpu: thread_nanoseconds(),
+            cpu: thread_time(),
         }
     }
     /// Time on the clock.
@@ -25,18 +22,41 @@ impl Stopwatch {
     }
     /// Time on a processor; where the system does not tell, time on the clock.
     pub fn cpu_seconds(&self) -> f64 {
-        let wall = self.wall_seconds();
-        match (self.cpu, thread_nanoseconds()) {
-            (Some(begin), Some(end)) if wall > COARSE_SECONDS => {
-                Duration::from_nanos(end.saturating_sub(begin)).as_secs_f64()
-            }
-            _ => wall,
+        match (self.cpu, thread_time()) {
+            (Some(begin), Some(end)) => end.saturating_sub(begin).as_secs_f64(),
+            _ => self.wall_seconds(),
         }
     }
 }
 
-/// Linux tells it in a file, which spares the call into libc and with it unsafe code.
-fn thread_nanoseconds() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    text.split_whitespace().next()?.parse().ok()
+#[cfg(target_os = "linux")]
+fn thread_time() -> Option<Duration> {
+    use rustix::time::{ClockId, clock_gettime};
+    clock_gettime(ClockId::ThreadCPUTime).try_into().ok()
+}
+
+#[cfg(not(target_os = "linux"))]
+fn thread_time() -> Option<Duration> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sleep_takes_no_processor_time() {
+        let watch = Stopwatch::start();
+        std::thread::sleep(Duration::from_millis(50));
+        assert!(watch.wall_seconds() >= 0.05);
+        if thread_time().is_some() {
+            assert!(watch.cpu_seconds() < 0.04, "{}", watch.cpu_seconds());
+            let before = watch.cpu_seconds();
+            let mut x = 1u64;
+            while std::hint::black_box(x) < 3_000_000 {
+                x += 1;
+            }
+            assert!(watch.cpu_seconds() > before);
+        }
+    }
 }
