@@ -12,7 +12,7 @@ use crate::assets::AssetCache;
 use crate::held::HeldLeases;
 use crate::outbox::{Outbox, OutboxEvent};
 use crate::pace::{Pace, Wish};
-use crate::pool::{Pool, PoolEvent};
+use crate::pool::Pool;
 use crate::scene_cache::{Prepared, SceneCache, SceneKey};
 use crate::{WorkerConfig, WorkerError};
 use client::{Client, ClientError, RetryPolicy};
@@ -21,7 +21,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc::{self, UnboundedReceiver};
-use tokio::sync::watch;
+use tokio::sync::{Notify, watch};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -84,7 +84,8 @@ pub(crate) struct LeaseLoop {
     config: WorkerConfig,
     client: Client,
     pool: Pool,
-    pool_events: UnboundedReceiver<PoolEvent>,
+    /// The pool has something to report.
+    pool_news: Arc<Notify>,
     cache: SceneCache,
     cache_events: UnboundedReceiver<Prepared>,
     outbox: Outbox,
@@ -117,11 +118,11 @@ impl LeaseLoop {
     pub fn new(config: WorkerConfig) -> Result<Self, WorkerError> {
         let client =
             Client::new(&config.url, config.token.as_deref())?.with_retry(RetryPolicy::PATIENT);
-        let (pool_sender, pool_events) = mpsc::unbounded_channel();
+        let pool_news = Arc::new(Notify::new());
         let (cache_sender, cache_events) = mpsc::unbounded_channel();
         let (outbox_sender, outbox_events) = mpsc::unbounded_channel();
         let (identity, worker) = watch::channel(Uuid::nil());
-        let pool = Pool::new(config.threads, config.engine_version, pool_sender)
+        let pool = Pool::new(config.threads, config.engine_version, pool_news.clone())
             .map_err(WorkerError::Threads)?;
         // A quarter for files as they came, the rest for scenes made from them.
         let assets = AssetCache::new(client.clone(), config.memory_bytes / 4);
@@ -136,7 +137,7 @@ impl LeaseLoop {
             config,
             client,
             pool,
-            pool_events,
+            pool_news,
             cache,
             cache_events,
             outbox,
@@ -167,6 +168,7 @@ impl LeaseLoop {
                 self.say_goodbye().await;
                 return Ok(());
             }
+            let reports_due = self.pool_events();
             self.make_calls();
             let next_call = self.next_call();
             let deadline = self.leaving.unwrap_or_else(Instant::now);
@@ -177,12 +179,8 @@ impl LeaseLoop {
                     tracing::info!("the grace time is over, giving back what is still in work");
                     self.held.stop_all();
                 }
-                Some(event) = self.pool_events.recv() => {
-                    self.pool_event(event);
-                    while let Ok(event) = self.pool_events.try_recv() {
-                        self.pool_event(event);
-                    }
-                }
+                () = self.pool_news.notified() => {}
+                () = tokio::time::sleep_until(reports_due.unwrap_or_else(Instant::now)), if reports_due.is_some() => {}
                 Some(event) = self.cache_events.recv() => self.prepared(event),
                 Some(event) = self.outbox_events.recv() => {
                     self.outbox_event(event);

@@ -11,6 +11,7 @@ mod assets;
 mod config;
 mod cpu_time;
 mod error;
+mod gathered;
 mod held;
 mod lease_loop;
 mod outbox;

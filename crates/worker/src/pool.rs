@@ -2,14 +2,16 @@
 //! happen here, so that the async side only moves bytes.
 
 use crate::cpu_time::Stopwatch;
+use crate::gathered::Gathered;
 use bytes::Bytes;
 use film::EngineVersion;
 use protocol::LeaseRef;
 use std::collections::{HashSet, VecDeque};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use tokio::sync::mpsc::UnboundedSender;
-use tracer::{Scene, StopFlag};
+use std::time::Instant;
+use tokio::sync::Notify;
+use tracer::{Scene, StopFlag, Workspace};
 
 /// A unit that can start at once.
 pub struct Work {
@@ -49,11 +51,14 @@ pub struct Pool {
 struct Shared {
     state: Mutex<State>,
     more: Condvar,
+    /// Wakes the side that reads the reports.
+    news: Arc<Notify>,
 }
 
 #[derive(Default)]
 struct State {
     queue: VecDeque<Work>,
+    reports: Gathered,
     closed: bool,
 }
 
@@ -65,27 +70,28 @@ impl Shared {
 }
 
 impl Pool {
-    /// Starts the threads.
-    pub fn new(
-        threads: usize,
-        engine: EngineVersion,
-        events: UnboundedSender<PoolEvent>,
-    ) -> std::io::Result<Self> {
+    /// Starts the threads; `news` is told when to look at [`Pool::reports`].
+    pub fn new(threads: usize, engine: EngineVersion, news: Arc<Notify>) -> std::io::Result<Self> {
         let pool = Pool {
             shared: Arc::new(Shared {
                 state: Mutex::default(),
                 more: Condvar::new(),
+                news,
             }),
         };
         for index in 0..threads.max(1) {
             let shared = pool.shared.clone();
-            let events = events.clone();
             std::thread::Builder::new()
                 .name(format!("render-{index}"))
                 .stack_size(8 << 20)
-                .spawn(move || serve(&shared, engine, &events))?;
+                .spawn(move || serve(&shared, engine))?;
         }
         Ok(pool)
+    }
+
+    /// What the threads have reported, if it is due by `now`; else when it will be, if there is anything.
+    pub fn reports(&self, now: Instant) -> Result<Vec<PoolEvent>, Option<Instant>> {
+        self.shared.lock().reports.take(now)
     }
 
     /// Adds units behind those that wait.
@@ -140,7 +146,8 @@ impl Drop for Pool {
     }
 }
 
-fn serve(shared: &Shared, engine: EngineVersion, events: &UnboundedSender<PoolEvent>) {
+fn serve(shared: &Shared, engine: EngineVersion) {
+    let mut workspace = Workspace::default();
     loop {
         let mut state = shared.lock();
         let work = loop {
@@ -158,29 +165,34 @@ fn serve(shared: &Shared, engine: EngineVersion, events: &UnboundedSender<PoolEv
         drop(state);
         let lease = work.lease.clone();
         // A bug in the tracer costs this attempt, not the worker and its other units.
-        let event =
-            catch_unwind(AssertUnwindSafe(|| render(work, engine))).unwrap_or_else(|panic| {
+        let event = catch_unwind(AssertUnwindSafe(|| render(work, engine, &mut workspace)))
+            .unwrap_or_else(|panic| {
+                workspace = Workspace::default();
                 PoolEvent::Failed {
                     lease,
                     reason: format!("the renderer panicked: {}", panic_text(&*panic)),
                 }
             });
-        if events.send(event).is_err() {
-            return;
+        let mut state = shared.lock();
+        let runs_dry = state.queue.is_empty();
+        let tell = state.reports.add(event, Instant::now(), runs_dry);
+        drop(state);
+        if tell {
+            shared.news.notify_one();
         }
     }
 }
 
-fn render(work: Work, engine: EngineVersion) -> PoolEvent {
+fn render(work: Work, engine: EngineVersion, workspace: &mut Workspace) -> PoolEvent {
     let Work { lease, scene, stop } = work;
     if stop.is_stopped() {
         return PoolEvent::Stopped(lease);
     }
     let watch = Stopwatch::start();
-    let Some((buffer, counters)) = tracer::render_unit(&scene, &lease.unit, &stop) else {
+    let Some((buffer, counters)) = workspace.render(&scene, &lease.unit, &stop) else {
         return PoolEvent::Stopped(lease);
     };
-    let bytes = film::codec::encode_unit(lease.unit, &buffer, &counters, engine);
+    let bytes = film::codec::encode_unit(lease.unit, buffer, &counters, engine);
     let blake3 = blake3::hash(&bytes).to_hex().to_string();
     PoolEvent::Finished(Finished {
         samples: counters.samples,

@@ -7,6 +7,7 @@ use crate::pool::{Finished, PoolEvent, Work};
 use crate::scene_cache::Prepared;
 use client::Delivery;
 use protocol::LeaseFailure;
+use tokio::time::Instant;
 
 impl LeaseLoop {
     pub(super) fn prepared(&mut self, event: Prepared) {
@@ -53,7 +54,18 @@ impl LeaseLoop {
         }
     }
 
-    pub(super) fn pool_event(&mut self, event: PoolEvent) {
+    /// Takes in what the pool has to report, or says when that will be due.
+    pub(super) fn pool_events(&mut self) -> Option<Instant> {
+        match self.pool.reports(std::time::Instant::now()) {
+            Ok(events) => {
+                events.into_iter().for_each(|event| self.pool_event(event));
+                None
+            }
+            Err(due) => due.map(Instant::from_std),
+        }
+    }
+
+    fn pool_event(&mut self, event: PoolEvent) {
         match event {
             PoolEvent::Finished(finished) => {
                 let Finished {
