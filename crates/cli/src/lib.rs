@@ -32,10 +32,13 @@ pub fn main() -> ExitCode {
 /// Runs one command and says how it ended.
 fn run(cli: Cli) -> ExitCode {
     logging::start(&cli);
-    let runtime = match tokio::runtime::Builder::new_multi_thread()
-        .enable_all()
-        .build()
-    {
+    let mut runtime = tokio::runtime::Builder::new_multi_thread();
+    if matches!(cli.command, Command::Render(_)) {
+        // The cores are for rendering; what a farm in one process has to say to itself is little.
+        runtime.worker_threads(1);
+    }
+    keep_freed_memory();
+    let runtime = match runtime.enable_all().build() {
         Ok(runtime) => runtime,
         Err(error) => return exit::report(&error.into()),
     };
@@ -46,6 +49,13 @@ fn run(cli: Cli) -> ExitCode {
         Ok(code) => code,
         Err(error) => exit::report(&error),
     }
+}
+
+/// Results come and go, a few megabytes at a time, and the allocator of glibc would give their memory back to the
+/// system each time: every page of the next ones would be asked for and cleared again. It keeps twice as
+/// much as the largest piece that it has seen let go. To others this is nothing.
+fn keep_freed_memory() {
+    drop(std::hint::black_box(Vec::<u8>::with_capacity(8 << 20)));
 }
 
 async fn dispatch(command: Command) -> anyhow::Result<ExitCode> {
