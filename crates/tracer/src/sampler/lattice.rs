@@ -62,6 +62,29 @@ impl Keys {
     }
 }
 
+/// Pixels whose keys are made together.
+pub const TOGETHER: usize = 8;
+
+/// [`Keys::new`] of several at once, which the compiler makes side by side.
+#[inline(always)]
+pub fn keys_of(keys: [u64; TOGETHER]) -> [Keys; TOGETHER] {
+    let mut made = [Keys::default(); TOGETHER];
+    for j in 0..EVENT / 2 {
+        let mut both = [0; TOGETHER];
+        for at in 0..TOGETHER {
+            both[at] = hash::mix(keys[at] ^ (j as u64 + 1) << 56);
+        }
+        for at in 0..TOGETHER {
+            made[at].shift[2 * j] = both[at] as u32;
+            made[at].shift[2 * j + 1] = (both[at] >> 32) as u32;
+        }
+    }
+    for at in 0..TOGETHER {
+        made[at].order = keys[at] as u32;
+    }
+    made
+}
+
 /// Numbers of the camera. `reversed` is the sample index with its bits in reverse order.
 #[inline(always)]
 pub fn camera(reversed: u32, keys: &Keys) -> [f32; CAMERA] {

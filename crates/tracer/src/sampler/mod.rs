@@ -1,7 +1,7 @@
 //! Samplers: the numbers of a sample as a pure function of (seed, frame, pixel, sample index,
 //! dimension). No state is kept or sent; the index has no end but 2^32 and no total is needed.
 
-pub(crate) use lattice::{Keys as LatticeKeys, camera_in_lanes, event_in_lanes};
+pub(crate) use lattice::{Keys as LatticeKeys, TOGETHER, camera_in_lanes, event_in_lanes};
 
 mod lattice;
 pub(crate) mod sobol;
@@ -33,6 +33,19 @@ impl PixelKey {
     #[inline(always)]
     pub(crate) fn lattice_keys(self, dimension: u32) -> LatticeKeys {
         LatticeKeys::new(hash::mix(self.0 ^ (dimension as u64) << 32))
+    }
+
+    /// [`PixelKey::lattice_keys`] of several pixels.
+    #[inline(always)]
+    pub(crate) fn lattice_keys_of(
+        pixels: [PixelKey; TOGETHER],
+        dimension: u32,
+    ) -> [LatticeKeys; TOGETHER] {
+        let mut keys = [0; TOGETHER];
+        for at in 0..TOGETHER {
+            keys[at] = hash::mix(pixels[at].0 ^ (dimension as u64) << 32);
+        }
+        lattice::keys_of(keys)
     }
 }
 

@@ -26,6 +26,7 @@ pub(super) fn rays<W: Wide<N>, const N: usize>(wave: &Wave, paths: &mut Paths) {
         return;
     }
     let one = W::F::splat(1.0);
+    paths.make_keys(CAMERA, paths.samples());
     for begin in (0..paths.samples()).step_by(N) {
         let rays: [u32; N] = paths::in_turn(begin, paths.samples());
         let mut slots = rays;

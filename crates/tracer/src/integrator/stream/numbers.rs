@@ -25,6 +25,7 @@ pub(super) fn lattice<W: Wide<N>, const N: usize>(
     places: &[Place],
 ) {
     let dimension = sampler::dimension_of(wave.event);
+    paths.make_keys(dimension, places.len());
     for places in places.chunks(N) {
         let group = Group::new(places);
         let mut shifts = [Row::ZERO; N];

@@ -12,7 +12,7 @@ use crate::lanes::{LANES, MOST_LANES, Row, Wide};
 use crate::light::Aim;
 use crate::math::{Rgb, luminance};
 use crate::ray::{Hit, Ray};
-use crate::sampler::{self, BounceNumbers, LatticeKeys, PixelKey, PixelPoints, Sampler};
+use crate::sampler::{self, BounceNumbers, LatticeKeys, PixelKey, PixelPoints, Sampler, TOGETHER};
 use glam::{Vec2, Vec3};
 use std::ops::Range;
 
@@ -71,6 +71,8 @@ pub(super) struct Paths {
     /// Pixel by slot.
     pixel: Box<[u32; CAPACITY]>,
     pixels: Vec<Pixel>,
+    /// Dimension that the keys of all pixels have been made for.
+    made: u32,
 }
 
 /// What the samples of a pixel have in common.
@@ -131,6 +133,7 @@ impl Paths {
             reversed: Box::new([0; CAPACITY]),
             pixel: Box::new([0; CAPACITY]),
             pixels: Vec::with_capacity(CAPACITY),
+            made: u32::MAX,
         })
     }
 
@@ -139,6 +142,7 @@ impl Paths {
         self.split = split as usize;
         self.len = 0;
         self.pixels.clear();
+        self.made = u32::MAX;
         let nothing = Carried {
             throughput: Rgb::ONE,
             eta_scale: 1.0,
@@ -482,6 +486,29 @@ impl Paths {
         radiance[0] += light.x;
         radiance[1] += light.y;
         radiance[2] += light.z;
+    }
+
+    /// Makes the keys of all pixels for the event that begins at a dimension, if there are so many paths that
+    /// most will be asked for: side by side that takes half the time. In the first passes each pixel has few
+    /// samples, and its keys would be much of what they take.
+    #[inline(always)]
+    pub fn make_keys(&mut self, dimension: u32, paths: usize) {
+        if self.made == dimension || paths < self.pixels.len() {
+            return;
+        }
+        self.made = dimension;
+        let mut groups = self.pixels.chunks_exact_mut(TOGETHER);
+        for pixels in &mut groups {
+            let mut of = [pixels[0].key; TOGETHER];
+            for at in 0..TOGETHER {
+                of[at] = pixels[at].key;
+            }
+            let made = PixelKey::lattice_keys_of(of, dimension);
+            for at in 0..TOGETHER {
+                pixels[at].dimension = dimension;
+                pixels[at].keys = made[at];
+            }
+        }
     }
 
     /// Keys of the event of a path's pixel that begins at a dimension.
