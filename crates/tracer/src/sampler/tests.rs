@@ -218,3 +218,16 @@ fn lattice_dimensions_are_independent_over_pixels() {
         }
     }
 }
+
+#[test]
+fn keys_of_several_pixels_are_those_of_each() {
+    let pixels: [PixelKey; TOGETHER] =
+        std::array::from_fn(|i| PixelKey::new(7, 1, [i as u32, 3 * i as u32]));
+    for dimension in [0, 4, 400] {
+        let together = PixelKey::lattice_keys_of(pixels, dimension);
+        for (pixel, keys) in pixels.iter().zip(together) {
+            let alone = pixel.lattice_keys(dimension);
+            assert_eq!((alone.order, alone.shift), (keys.order, keys.shift));
+        }
+    }
+}

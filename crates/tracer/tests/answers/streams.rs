@@ -367,3 +367,42 @@ fn long_pixels_and_stops() {
     };
     assert!(tracer::render_unit(&scene, &unit, &stop).is_none());
 }
+
+/// Units of different scenes, sizes and integrators one after another in the same room, some of them
+/// stopped: each gets what it gets in a room of its own.
+#[test]
+fn a_workspace_keeps_nothing_of_the_unit_before() {
+    let mut workspace = tracer::Workspace::default();
+    let assets = MemorySource::new();
+    for seed in 0..12 {
+        let mut rng = StdRng::seed_from_u64(100 + seed);
+        let mut desc = some_scene(&mut rng);
+        if seed % 4 == 3 {
+            desc.integrator = Integrator::Whitted { max_depth: 5 };
+        }
+        let scene = compile(&desc, &assets, seed, 1);
+        let stop = StopFlag::default();
+        for tile in 0..scene.grid().count() {
+            let samples = pick(
+                &mut rng,
+                &[
+                    SampleRange { begin: 0, end: 1 },
+                    SampleRange { begin: 3, end: 20 },
+                ],
+            );
+            let unit = Unit {
+                frame: 0,
+                tile,
+                samples,
+            };
+            let (expected, counted) =
+                tracer::render_unit(&scene, &unit, &stop).expect("not stopped");
+            let (found, counters) = workspace.render(&scene, &unit, &stop).expect("not stopped");
+            assert_eq!(&expected, found, "scene {seed}, tile {tile}");
+            assert_eq!(counted, counters, "scene {seed}, tile {tile}");
+            let stopped = StopFlag::default();
+            stopped.stop();
+            assert!(workspace.render(&scene, &unit, &stopped).is_none());
+        }
+    }
+}
