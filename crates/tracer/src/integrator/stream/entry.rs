@@ -54,6 +54,10 @@ entry! {
     pub(super) fn guide_conductor(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::guide_conductor;
 }
 entry! {
+    /// See [`scatter::guide_dielectric`].
+    pub(super) fn guide_dielectric(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::guide_dielectric;
+}
+entry! {
     /// See [`scatter::aim_conductor`].
     pub(super) fn aim_conductor(wave: &Wave, paths: &mut Paths, places: &[Place]) -> () = scatter::aim_conductor;
 }

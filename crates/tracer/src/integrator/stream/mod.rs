@@ -196,17 +196,18 @@ impl Stream {
         light::choose(wave, paths, Model::Diffuse, diffuse);
         entry::aim_conductor(level, wave, paths, conductor);
         light::choose(wave, paths, Model::Conductor, conductor);
+        light::choose(wave, paths, Model::Dielectric, dielectric);
         if let Some(guide) = &wave.scene.guide {
             mark(guide, paths, Model::Diffuse, diffuse);
             mark(guide, paths, Model::Conductor, conductor);
             entry::guide_diffuse(level, wave, paths, diffuse);
             entry::guide_conductor(level, wave, paths, conductor);
+            entry::guide_dielectric(level, wave, paths, dielectric);
         } else {
             entry::scatter_diffuse(level, wave, paths, diffuse);
             entry::scatter_conductor(level, wave, paths, conductor);
+            entry::scatter_dielectric(level, wave, paths, dielectric);
         }
-        light::choose(wave, paths, Model::Dielectric, dielectric);
-        entry::scatter_dielectric(level, wave, paths, dielectric);
         counters.shadow_rays += paths.cast_shadows(&scene.geometry) as u64;
         paths.next_wave();
     }

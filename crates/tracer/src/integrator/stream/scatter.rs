@@ -61,6 +61,16 @@ pub(super) fn dielectric<W: Wide<N>, const N: usize>(
     scatter::<W, N, DielectricLanes<W, N>, false>(wave, paths, places);
 }
 
+/// [`dielectric`] on paths that are guided elsewhere.
+#[inline(always)]
+pub(super) fn guide_dielectric<W: Wide<N>, const N: usize>(
+    wave: &Wave,
+    paths: &mut Paths,
+    places: &[Place],
+) {
+    scatter::<W, N, DielectricLanes<W, N>, true>(wave, paths, places);
+}
+
 /// What lights are to be chosen for on metal, where there is a choice.
 #[inline(always)]
 pub(super) fn aim_conductor<W: Wide<N>, const N: usize>(
@@ -256,9 +266,22 @@ fn scatter<W: Wide<N>, const N: usize, B: Lanes<W, N>, const GUIDED: bool>(
         paths::scatter::<W, N>(
             &mut paths.carried,
             &group.slots,
-            [t.x, t.y, t.z, eta_scale, pdf, depth, split, expected],
+            [
+                t.x,
+                t.y,
+                t.z,
+                eta_scale,
+                pdf,
+                depth,
+                split,
+                if GUIDED { expected } else { zero },
+            ],
         );
-        let drawn = W::F::select(is_at_stake, guided.drawn * keep, guided.drawn);
+        let drawn = if GUIDED {
+            W::F::select(is_at_stake, guided.drawn * keep, guided.drawn)
+        } else {
+            zero
+        };
         keep_last::<W, N, B>(paths, &group, &vertex, &bsdf, wo, drawn);
     }
 }
