@@ -299,6 +299,7 @@ fn everything_survives_a_round_trip() {
         for integrator in [
             Integrator::Uv,
             Integrator::Whitted { max_depth: 3 },
+            Integrator::Guided { max_depth: 9 },
             Integrator::Direct { max_depth: 0 },
         ] {
             desc.integrator = integrator;
@@ -467,6 +468,12 @@ fn overrides_are_applied() {
     let (desc, _) = load("s.json", &source(SCENE), &overrides).unwrap();
     assert_eq!((desc.film.width, desc.film.height), (100, 50));
     assert_eq!(desc.integrator, Integrator::Whitted { max_depth: 64 });
+    let guided = Overrides {
+        integrator: Some("guided".into()),
+        ..Overrides::default()
+    };
+    let (guided, _) = load("s.json", &source(SCENE), &guided).unwrap();
+    assert_eq!(guided.integrator, Integrator::Guided { max_depth: 64 });
     assert_eq!(
         desc.camera.transform.keys[0].transform.matrix3.z_axis,
         DVec3::X

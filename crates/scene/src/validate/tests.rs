@@ -1,6 +1,6 @@
 use super::*;
 use crate::assets::MemorySource;
-use crate::model::{Group, GroupId, Instance, Mesh};
+use crate::model::{Group, GroupId, Instance, Medium, Mesh};
 use crate::{Overrides, load};
 use std::sync::Arc;
 
@@ -41,6 +41,21 @@ fn every_kind_of_problem_is_found() {
         "nothing to render",
     );
     check(&|d| d.lights.clear(), "nothing shines");
+    check(
+        &|d| {
+            d.integrator = Integrator::Guided { max_depth: 5 };
+            d.media.push(Medium {
+                name: "fog".into(),
+                sigma_a: [0.1; 3],
+                sigma_s: [0.1; 3],
+                emission: [0.0; 3],
+                g: 0.0,
+                grid: None,
+                translucent: None,
+            });
+        },
+        "paths are not guided inside media",
+    );
     check(
         &|d| d.primitives[0].shape = Shape::Sphere { radius: -1.0 },
         "radius -1",
