@@ -40,8 +40,9 @@ impl Quads {
         Quads(vec![Row::ZERO])
     }
 
-    /// Appends a density made from estimates, which are put into another order. Its root; 0 if there is no light.
-    pub(super) fn add(&mut self, estimates: &mut [Estimate]) -> u32 {
+    /// Appends a density made from estimates, which are put into another order, of so many paths, some of which may
+    /// have ended and found nothing. Its root; 0 if there is no light.
+    pub(super) fn add(&mut self, estimates: &mut [Estimate], paths: usize) -> u32 {
         let total = light(estimates);
         if !(total > 0.0 && total.is_finite()) {
             return 0;
@@ -52,7 +53,7 @@ impl Quads {
             self.0.truncate(root);
             return 0;
         }
-        self.0[root].0[3] = (total / estimates.len() as f64) as f32;
+        self.0[root].0[3] = (total / paths as f64) as f32;
         root as u32
     }
 

@@ -38,9 +38,9 @@ fn densities() -> (Quads, Vec<u32>) {
     };
     let mut single = vec![of(1, &wide)[0]; 1000];
     let roots = vec![
-        quads.add(&mut of(1, &sharp)),
-        quads.add(&mut of(2, &wide)),
-        quads.add(&mut single),
+        quads.add(&mut of(1, &sharp), 20_000),
+        quads.add(&mut of(2, &wide), 20_000),
+        quads.add(&mut single, 1000),
     ];
     (quads, roots)
 }
@@ -120,14 +120,33 @@ fn no_light_is_no_density() {
         light,
         square: light * light,
     };
-    assert_eq!(quads.add(&mut [estimate(0.0); 100]), 0);
-    assert_eq!(quads.add(&mut []), 0);
-    assert_eq!(quads.add(&mut [estimate(f32::INFINITY); 100]), 0);
-    assert_eq!(quads.add(&mut [estimate(f32::NAN); 100]), 0);
+    assert_eq!(quads.add(&mut [estimate(0.0); 100], 100), 0);
+    assert_eq!(quads.add(&mut [], 0), 0);
+    assert_eq!(quads.add(&mut [estimate(f32::INFINITY); 100], 100), 0);
+    assert_eq!(quads.add(&mut [estimate(f32::NAN); 100], 100), 0);
     // The squares of the smallest numbers vanish.
-    assert_eq!(quads.add(&mut [estimate(1e-30); 100]), 0);
+    assert_eq!(quads.add(&mut [estimate(1e-30); 100], 100), 0);
     assert_eq!(quads.0.len(), 1);
-    assert_eq!(quads.add(&mut [estimate(1.0); 100]), 1);
+    assert_eq!(quads.add(&mut [estimate(1.0); 100], 100), 1);
+}
+
+/// Paths that ended have found nothing, and those that went on are worth more for it.
+#[test]
+fn irradiance_is_the_mean_of_all_paths() {
+    let mut quads = Quads::new();
+    let estimate = Estimate {
+        at: Vec2::splat(0.3),
+        light: 6.0,
+        square: 36.0,
+    };
+    for (paths, expected) in [(100, 6.0), (400, 1.5)] {
+        let root = quads.add(&mut [estimate; 100], paths);
+        let directions = Directions {
+            quads: &quads.0,
+            root,
+        };
+        assert_eq!(directions.irradiance(), expected);
+    }
 }
 
 #[test]

@@ -93,8 +93,11 @@ impl Guide {
         let sent = spots.sent();
         let of_cell = |range: &Range<usize>| {
             let mut estimates = [const { Vec::new() }; WAYS as usize];
+            // Those that ended count, too: the others make up for them.
+            let mut counts = [0; WAYS as usize];
             for visit in &order.visits[range.clone()] {
                 let step = &steps[visit.index as usize];
+                counts[step.way as usize] += 1;
                 if step.share > 0.0 {
                     let radiance = match step.to {
                         Step::NOWHERE => step.arrived,
@@ -108,11 +111,16 @@ impl Guide {
                     });
                 }
             }
-            estimates.map(|mut of_way| {
+            let mut known = [const { None }; WAYS as usize];
+            for (known, (mut of_way, count)) in
+                known.iter_mut().zip(estimates.into_iter().zip(counts))
+            {
                 let mut quads = Quads::new();
-                let is_known = of_way.len() >= ESTIMATES_MIN && quads.add(&mut of_way) != 0;
-                is_known.then_some(quads)
-            })
+                if of_way.len() >= ESTIMATES_MIN && quads.add(&mut of_way, count) != 0 {
+                    *known = Some(quads);
+                }
+            }
+            known
         };
         let all: Vec<_> = order.cells.par_iter().map(of_cell).collect();
         let mut quads = Quads::new();

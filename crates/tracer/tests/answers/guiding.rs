@@ -142,6 +142,9 @@ fn everybody_trains_the_same() {
     for threads in [2, 3] {
         assert!(of(threads) == one, "with {threads} threads");
     }
+    // As many cells, quadrants and spots: another guide would hardly have just that.
+    let other = compile(&desc, &MemorySource::new(), 6, 2);
+    assert_eq!(other.memory_bytes(), one.1);
 }
 
 /// Scenes from which there is nothing to learn.
